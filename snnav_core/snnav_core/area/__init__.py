@@ -1,0 +1,1 @@
+"""The unoccupied area: what the sensor network knows to be free."""

@@ -1,0 +1,1 @@
+"""Motion models of the robots."""

@@ -1,0 +1,1 @@
+"""One decision step: from area, robots and goals to certified paths."""

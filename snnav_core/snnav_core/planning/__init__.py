@@ -1,0 +1,1 @@
+"""Paths through the unoccupied area, and their independent check."""

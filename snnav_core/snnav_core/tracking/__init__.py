@@ -1,0 +1,1 @@
+"""Following a path: from path and pose to turn rate."""
