@@ -1,0 +1,214 @@
+"""Exact signed distance to a set of boundary rings, for many points at once.
+
+The boundary segments are sorted into square bins; a query walks the bins in growing squares around its point and
+stops when no closer segment is possible. Independent of the number of segments for points near the boundary.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numba
+import numpy as np
+
+from snnav_core.types import FloatArray
+
+__all__ = ["ClearanceField"]
+
+_MAX_BINS = 250_000
+
+
+@numba.njit(cache=True)
+def _bin_segments(starts, ends, origin, size, nx, ny):  # type: ignore[no-untyped-def]
+    """Compressed lists: the segments whose bounding box touches each bin."""
+    count = starts.shape[0]
+    boxes = np.empty((count, 4), dtype=np.int64)
+    offsets = np.zeros(nx * ny + 1, dtype=np.int64)
+    for s in range(count):
+        x0 = min(starts[s, 0], ends[s, 0])
+        x1 = max(starts[s, 0], ends[s, 0])
+        y0 = min(starts[s, 1], ends[s, 1])
+        y1 = max(starts[s, 1], ends[s, 1])
+        boxes[s, 0] = min(max(int((x0 - origin[0]) / size), 0), nx - 1)
+        boxes[s, 1] = min(max(int((x1 - origin[0]) / size), 0), nx - 1)
+        boxes[s, 2] = min(max(int((y0 - origin[1]) / size), 0), ny - 1)
+        boxes[s, 3] = min(max(int((y1 - origin[1]) / size), 0), ny - 1)
+        for ix in range(boxes[s, 0], boxes[s, 1] + 1):
+            for iy in range(boxes[s, 2], boxes[s, 3] + 1):
+                if _touches(starts, ends, s, origin[0] + ix * size, origin[1] + iy * size, size):
+                    offsets[ix * ny + iy + 1] += 1
+    for b in range(nx * ny):
+        offsets[b + 1] += offsets[b]
+    fill = offsets[:-1].copy()
+    members = np.empty(offsets[-1], dtype=np.int64)
+    for s in range(count):
+        for ix in range(boxes[s, 0], boxes[s, 1] + 1):
+            for iy in range(boxes[s, 2], boxes[s, 3] + 1):
+                if _touches(starts, ends, s, origin[0] + ix * size, origin[1] + iy * size, size):
+                    b = ix * ny + iy
+                    members[fill[b]] = s
+                    fill[b] += 1
+    return offsets, members
+
+
+@numba.njit(cache=True)
+def _touches(starts, ends, s, x, y, size):  # type: ignore[no-untyped-def]
+    """Whether the line of a segment meets the square at (x, y), widened by a rounding allowance."""
+    dx = ends[s, 0] - starts[s, 0]
+    dy = ends[s, 1] - starts[s, 1]
+    offset = dx * (y + 0.5 * size - starts[s, 1]) - dy * (x + 0.5 * size - starts[s, 0])
+    return abs(offset) <= 0.5001 * size * (abs(dx) + abs(dy)) + 1e-12
+
+
+@numba.njit(cache=True)
+def _query(points, limit, starts, ends, normals_start, normals_end, offsets, members, origin, size, nx, ny):  # type: ignore[no-untyped-def]
+    count = points.shape[0]
+    distance = np.empty(count)
+    gradient = np.zeros((count, 2))
+    for i in range(count):
+        px, py = points[i, 0], points[i, 1]
+        cx = int(math.floor((px - origin[0]) / size))
+        cy = int(math.floor((py - origin[1]) / size))
+        # Rings of bins start where the grid does, for a point outside of it.
+        ring = max(0, -cx, -cy, cx - nx + 1, cy - ny + 1)
+        best = limit * limit
+        found = -1
+        found_t = 0.0
+        last = max(max(cx, nx - 1 - cx), max(cy, ny - 1 - cy))
+        inside_x = px - origin[0] - cx * size
+        inside_y = py - origin[1] - cy * size
+        rim = min(min(inside_x, size - inside_x), min(inside_y, size - inside_y))
+        while ring <= last:
+            if ring > 0:
+                reach = (ring - 1) * size + rim
+                if reach > 0.0 and reach * reach > best:
+                    break
+            for ix in range(max(cx - ring, 0), min(cx + ring, nx - 1) + 1):
+                edge = ix == cx - ring or ix == cx + ring
+                step = 1 if edge or ring == 0 else 2 * ring
+                iy = cy - ring
+                while iy <= cy + ring:
+                    if 0 <= iy < ny:
+                        b = ix * ny + iy
+                        for m in range(offsets[b], offsets[b + 1]):
+                            s = members[m]
+                            ax, ay = starts[s, 0], starts[s, 1]
+                            dx, dy = ends[s, 0] - ax, ends[s, 1] - ay
+                            t = ((px - ax) * dx + (py - ay) * dy) / (dx * dx + dy * dy)
+                            t = min(max(t, 0.0), 1.0)
+                            qx, qy = px - ax - t * dx, py - ay - t * dy
+                            square = qx * qx + qy * qy
+                            if square < best:
+                                best, found, found_t = square, s, t
+                    iy += step
+            ring += 1
+        if found < 0:
+            distance[i] = limit
+            continue
+        ax, ay = starts[found, 0], starts[found, 1]
+        dx, dy = ends[found, 0] - ax, ends[found, 1] - ay
+        qx, qy = px - ax - found_t * dx, py - ay - found_t * dy
+        length = math.sqrt(dx * dx + dy * dy)
+        nx_, ny_ = -dy / length, dx / length
+        if found_t == 0.0:
+            nx_, ny_ = normals_start[found, 0], normals_start[found, 1]
+        elif found_t == 1.0:
+            nx_, ny_ = normals_end[found, 0], normals_end[found, 1]
+        rho = math.sqrt(best)
+        side = qx * nx_ + qy * ny_
+        sign = 1.0 if side >= 0.0 else -1.0
+        distance[i] = sign * rho
+        if rho > 1e-9:
+            gradient[i, 0], gradient[i, 1] = sign * qx / rho, sign * qy / rho
+        else:
+            norm = math.sqrt(nx_ * nx_ + ny_ * ny_)
+            if norm > 1e-12:
+                gradient[i, 0], gradient[i, 1] = nx_ / norm, ny_ / norm
+    return distance, gradient
+
+
+class ClearanceField:
+    """Signed distance to the boundary of an area and its gradient.
+
+    Parameters
+    ----------
+    rings : sequence of ndarray, each (N, 2)
+        Open rings [m, map], the free side on the left: exteriors counter-clockwise, holes clockwise.
+
+    Notes
+    -----
+    The sign at a vertex comes from the sum of the two unit normals there, which is exact for simple rings.
+    """
+
+    def __init__(self, rings: Sequence[FloatArray]) -> None:
+        pieces = [_ring_segments(np.asarray(ring, dtype=np.float64)) for ring in rings]
+        pieces = [piece for piece in pieces if len(piece[0])]
+        self.is_empty = not pieces
+        if self.is_empty:
+            return
+        self._starts = np.concatenate([piece[0] for piece in pieces])
+        self._ends = np.concatenate([piece[1] for piece in pieces])
+        self._normals_start = np.concatenate([piece[2] for piece in pieces])
+        self._normals_end = np.concatenate([piece[3] for piece in pieces])
+        low = np.minimum(self._starts.min(axis=0), self._ends.min(axis=0)) - 1e-6
+        extent = np.maximum(self._starts.max(axis=0), self._ends.max(axis=0)) + 1e-6 - low
+        size = max(0.25, math.sqrt(float(extent[0] * extent[1]) / _MAX_BINS))
+        self._origin, self._size = low, size
+        self._shape = (int(extent[0] / size) + 1, int(extent[1] / size) + 1)
+        self._offsets, self._members = _bin_segments(self._starts, self._ends, low, size, *self._shape)
+
+    @property
+    def segment_count(self) -> int:
+        """Number of boundary segments."""
+        return 0 if self.is_empty else len(self._starts)
+
+    def query(self, points: FloatArray, limit: float = math.inf) -> tuple[FloatArray, FloatArray]:
+        """Signed distance and its gradient.
+
+        Parameters
+        ----------
+        points : ndarray, shape (N, 2)
+            Positions [m, map].
+        limit : float
+            Distances beyond it need not be told apart: such points get `limit` and a zero gradient, whatever their
+            side. Infinite by default.
+
+        Returns
+        -------
+        distance : ndarray, shape (N,)
+            Distance to the boundary [m], negative outside the area; -inf everywhere when the area is empty.
+        gradient : ndarray, shape (N, 2)
+            Unit vector of growing distance.
+        """
+        points = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 2)
+        if self.is_empty:
+            return np.full(len(points), -math.inf), np.zeros((len(points), 2))
+        distance, gradient = _query(
+            points,
+            limit,
+            self._starts,
+            self._ends,
+            self._normals_start,
+            self._normals_end,
+            self._offsets,
+            self._members,
+            self._origin,
+            self._size,
+            *self._shape,
+        )
+        return distance, gradient
+
+
+def _ring_segments(ring: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    keep = np.any(ring != np.roll(ring, 1, axis=0), axis=1)
+    ring = ring[keep]
+    following = np.roll(ring, -1, axis=0)
+    delta = following - ring
+    length = np.linalg.norm(delta, axis=1, keepdims=True)
+    if len(ring) < 2:
+        empty = np.empty((0, 2))
+        return empty, empty, empty, empty
+    normal = np.column_stack((-delta[:, 1], delta[:, 0])) / length
+    normal_start = normal + np.roll(normal, 1, axis=0)
+    return ring, following, normal_start, np.roll(normal_start, -1, axis=0)

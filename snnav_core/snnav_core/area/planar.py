@@ -1,0 +1,185 @@
+"""The unoccupied area of the plane as polygons with holes, and its reduction by a distance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import shapely
+from shapely.geometry import MultiPolygon, Point, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from snnav_core.area.clearance import ClearanceField
+from snnav_core.errors import InvalidInput
+from snnav_core.types import FloatArray
+
+__all__ = ["UnoccupiedArea", "as_multipolygon", "component_at", "grow", "reduce_area", "remove_disks", "shrink"]
+
+_QUAD_SEGMENTS = 8
+# A polygonal arc of a buffer lies inside the true circle; enlarging the distance puts it outside.
+_ARC_FACTOR = 1.0 / math.cos(math.pi / (4 * _QUAD_SEGMENTS))
+
+
+def as_multipolygon(geometry: BaseGeometry) -> MultiPolygon:
+    """Return the polygonal part of a geometry as a MultiPolygon (points and lines are dropped)."""
+    if isinstance(geometry, MultiPolygon):
+        return geometry
+    parts = shapely.get_parts(geometry)
+    return MultiPolygon([p for p in shapely.get_parts(parts) if isinstance(p, Polygon) and not p.is_empty])
+
+
+def _ring(coordinates: FloatArray, counter_clockwise: bool) -> FloatArray:
+    ring = np.ascontiguousarray(coordinates[:-1, :2])
+    x, y = ring[:, 0], ring[:, 1]
+    area = float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
+    return ring if (area > 0.0) == counter_clockwise else ring[::-1].copy()
+
+
+@dataclass(frozen=True)
+class UnoccupiedArea:
+    """What is known to be free of obstacles; everything else counts as obstacle (Ch. 3, A(t)).
+
+    Parameters
+    ----------
+    stamp : float
+        Time for which the area holds [s].
+    region : shapely.MultiPolygon
+        Closed polygons with holes [m, map], possibly empty.
+    contradictions : mapping of str to int
+        Per sensor: returns that lie well inside what other sensors called free.
+    """
+
+    stamp: float
+    region: MultiPolygon
+    contradictions: Mapping[str, int] = field(default_factory=dict)
+
+    @cached_property
+    def rings(self) -> tuple[FloatArray, ...]:
+        """Open boundary rings, each (N, 2) [m, map]: an exterior (counter-clockwise), then its holes (clockwise)."""
+        rings: list[FloatArray] = []
+        for polygon in self.region.geoms:
+            rings.append(_ring(shapely.get_coordinates(polygon.exterior), True))
+            rings.extend(_ring(shapely.get_coordinates(hole), False) for hole in polygon.interiors)
+        return tuple(rings)
+
+    @classmethod
+    def from_rings(
+        cls, stamp: float, rings: Sequence[FloatArray], contradictions: Mapping[str, int] | None = None
+    ) -> UnoccupiedArea:
+        """Build the area from rings in the order of `rings`; orientation tells exteriors from holes.
+
+        Raises
+        ------
+        InvalidInput
+            If a ring has fewer than three points, is not finite, or a hole precedes every exterior.
+        """
+        polygons: list[tuple[FloatArray, list[FloatArray]]] = []
+        for index, ring in enumerate(rings):
+            points = np.asarray(ring, dtype=np.float64)
+            if points.ndim != 2 or points.shape[0] < 3 or points.shape[1] != 2 or not np.isfinite(points).all():
+                raise InvalidInput(f"ring {index} has shape {points.shape}: expected at least three finite points")
+            x, y = points[:, 0], points[:, 1]
+            if float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) > 0.0:
+                polygons.append((points, []))
+            elif polygons:
+                polygons[-1][1].append(points)
+            else:
+                raise InvalidInput(f"ring {index} is a hole (clockwise) without an exterior before it")
+        region = MultiPolygon([Polygon(exterior, holes) for exterior, holes in polygons])
+        return cls(stamp, region, dict(contradictions or {}))
+
+    @cached_property
+    def clearance_field(self) -> ClearanceField:
+        """Signed distance to the boundary of the area, for many points at once."""
+        return ClearanceField(self.rings)
+
+    def restamped(self, stamp: float, contradictions: Mapping[str, int] | None = None) -> UnoccupiedArea:
+        """The same region at another time [s], sharing what was computed from it."""
+        twin = UnoccupiedArea(stamp, self.region, self.contradictions if contradictions is None else contradictions)
+        for name in ("rings", "clearance_field"):
+            if name in self.__dict__:
+                twin.__dict__[name] = self.__dict__[name]
+        return twin
+
+    def clearance(self, points: FloatArray) -> FloatArray:
+        """Signed distance of points (N, 2) [m, map] to the boundary of the area [m]; negative outside."""
+        return self.clearance_field.query(points)[0]
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing is known to be free."""
+        return self.region.is_empty
+
+
+def shrink(geometry: BaseGeometry, distance: float) -> MultiPolygon:
+    """Points of the geometry at least `distance` [m] inside its boundary, never more than that.
+
+    Shapely rounds corners by chords of the arc, which would add free space; the distance is enlarged by
+    1/cos(pi/(4 q)) with q segments a quarter, so that the result errs on the side of less.
+    """
+    if distance <= 0.0:
+        return as_multipolygon(geometry)
+    return as_multipolygon(geometry.buffer(-distance * _ARC_FACTOR, quad_segs=_QUAD_SEGMENTS))
+
+
+def grow(geometry: BaseGeometry, distance: float) -> BaseGeometry:
+    """Points within `distance` [m] of the geometry, never fewer than that (for obstacles)."""
+    return geometry.buffer(distance * _ARC_FACTOR, quad_segs=_QUAD_SEGMENTS)
+
+
+def reduce_area(region: BaseGeometry, distance: float, simplification: float = 0.0) -> MultiPolygon:
+    """The d-reduction R[region, distance] (Ch. 3), conservative.
+
+    Parameters
+    ----------
+    region : shapely geometry
+        Polygons [m, map].
+    distance : float
+        Distance to keep from the boundary [m].
+    simplification : float
+        The boundary is first simplified by at most this distance [m] and the reduction enlarged by as much: fewer
+        vertices, never more free space.
+
+    Returns
+    -------
+    shapely.MultiPolygon
+        Subset of the exact reduction, short of it by at most 2 `simplification` + 0.5 % of the distance.
+    """
+    if simplification > 0.0:
+        region = shapely.simplify(region, simplification, preserve_topology=True)
+        if not region.is_valid:
+            region = shapely.make_valid(region)
+    return shrink(region, distance + simplification)
+
+
+def component_at(region: MultiPolygon, point: FloatArray) -> Polygon | None:
+    """The component of the region that holds the point (2,) [m, map], or None."""
+    probe = Point(float(point[0]), float(point[1]))
+    for polygon in region.geoms:
+        if polygon.covers(probe):
+            return polygon
+    return None
+
+
+def remove_disks(region: MultiPolygon, centres: FloatArray, radii: FloatArray) -> MultiPolygon:
+    """Remove the disks of robots from the region (Ch. 3, unoccupied area).
+
+    Parameters
+    ----------
+    region : shapely.MultiPolygon
+    centres : ndarray, shape (K, 2)
+        Robot positions [m, map]. Never pass the planned robot's own (deviation C3-1).
+    radii : ndarray, shape (K,)
+        Radii of the disks [m]; the removed polygon contains the whole disk.
+    """
+    if len(centres) == 0:
+        return region
+    disks = shapely.buffer(
+        shapely.points(np.asarray(centres, dtype=np.float64)),
+        np.asarray(radii, dtype=np.float64) * _ARC_FACTOR,
+        quad_segs=_QUAD_SEGMENTS,
+    )
+    return as_multipolygon(shapely.difference(region, shapely.union_all(disks)))
