@@ -1,0 +1,116 @@
+"""The region that a fan of beams has seen: star and sector polygons (Ch. 3, "detected area")."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snnav_core.types import FloatArray, Pose2D
+
+__all__ = ["star_rings"]
+
+_TURN = 2.0 * math.pi
+_SAME_BEAM = 1e-3  # fraction of an increment: a beam this close to a full turn counts as a repetition
+_ALIGNED = 1e-6  # fraction of an increment: directions that coincide
+_CLOSING_GAP = 1.5  # a gap of so many increments between the last and the first beam still closes the circle
+
+
+def star_rings(
+    free: FloatArray,
+    pose: Pose2D,
+    angle_min: float,
+    angle_increment: float,
+    jump_ratio: float,
+    jump_distance: float,
+) -> tuple[FloatArray, ...]:
+    """Return the outlines of the region that neighbouring beams enclose.
+
+    Between two neighbouring beams lies a wedge. Where their free lengths a and b differ by more than
+    ``jump_ratio * min(a, b) * |angle_increment| + jump_distance`` the wedge ends at the shorter one, else at
+    the chord between both. A wedge beside a beam of free length 0 is not seen at all.
+
+    Parameters
+    ----------
+    free : ndarray, shape (B,)
+        Length along every beam that is known to be free [m]; 0 where the beam saw nothing.
+    pose : Pose2D
+        Pose of the sensor [map].
+    angle_min, angle_increment : float
+        Direction of the first beam and step to the next [rad, sensor]; the step may be negative.
+    jump_ratio, jump_distance : float
+        Limits of a difference that counts as one surface [-], [m].
+
+    Returns
+    -------
+    tuple of ndarray, each shape (N, 2)
+        Open counter-clockwise rings [m, map]. A sector starts at the sensor; a full circle in which all beams
+        see is one ring without the sensor.
+
+    Notes
+    -----
+    Deviation (C3-7, C3-8): the thesis draws the detected area as given; here it is built from discrete beams
+    with the shorter neighbour at range jumps, and a sector includes the sensor.
+    """
+    increment = abs(angle_increment)
+    first = angle_min
+    if angle_increment < 0.0:
+        first = angle_min + (free.size - 1) * angle_increment
+        free = free[::-1]
+    free = _fold_overlap(free, increment)
+    gap = _TURN - (free.size - 1) * increment
+    closed = gap <= _CLOSING_GAP * increment
+    angles = pose.heading + first + increment * np.arange(free.size)
+    directions = np.column_stack((np.cos(angles), np.sin(angles)))
+    if closed:
+        free = np.append(free, free[0])
+        directions = np.vstack((directions, directions[:1]))
+    near, far = free[:-1], free[1:]
+    shorter = np.minimum(near, far)
+    jump = np.abs(near - far) > jump_ratio * shorter * increment + jump_distance
+    lengths = np.column_stack((np.where(jump, shorter, near), np.where(jump, shorter, far)))
+    return _collect(lengths, directions, shorter > 0.0, pose.position, closed)
+
+
+def _fold_overlap(free: FloatArray, increment: float) -> FloatArray:
+    """Drop beams past a full turn; the beams beside their directions keep the shorter length."""
+    position = np.arange(free.size) - _TURN / increment
+    extra = np.flatnonzero(position >= -_SAME_BEAM)
+    if extra.size == 0:
+        return free
+    kept = np.array(free[: extra[0]])
+    for beam in extra:
+        nearest = round(float(position[beam]))
+        if abs(position[beam] - nearest) <= _ALIGNED:
+            beside = {nearest}
+        else:
+            beside = {math.floor(position[beam]), math.ceil(position[beam])}
+        for neighbour in beside:
+            kept[neighbour % kept.size] = min(kept[neighbour % kept.size], free[beam])
+    return kept
+
+
+def _collect(
+    lengths: FloatArray, directions: FloatArray, seen: NDArray[np.bool_], origin: FloatArray, closed: bool
+) -> tuple[FloatArray, ...]:
+    """Join runs of seen wedges; `lengths` (W, 2) along the two beams of each wedge, `directions` (W + 1, 2)."""
+    starts, ends = directions[:-1], directions[1:]
+    whole_circle = closed and bool(seen.all())
+    if closed and not whole_circle:
+        shift = -int(np.argmin(seen))
+        lengths, seen = np.roll(lengths, shift, axis=0), np.roll(seen, shift)
+        starts, ends = np.roll(starts, shift, axis=0), np.roll(ends, shift, axis=0)
+    points = origin + lengths[:, :, None] * np.stack((starts, ends), axis=1)
+    # the first point of a wedge repeats the last one of the wedge before it unless there is a jump
+    keep = np.ones(lengths.shape, dtype=np.bool_)
+    keep[1:, 0] = lengths[1:, 0] != lengths[:-1, 1]
+    if whole_circle:
+        keep[0, 0] = lengths[0, 0] != lengths[-1, 1]
+        return (points[keep],)
+    edges = np.flatnonzero(np.diff(seen, prepend=False, append=False))
+    keep[edges[0::2], 0] = True
+    return tuple(
+        np.vstack((origin, points[begin:end][keep[begin:end]]))
+        for begin, end in zip(edges[0::2], edges[1::2], strict=True)
+    )
