@@ -1,0 +1,25 @@
+"""Packaging of snnav_core for colcon, ament and pip."""
+
+from setuptools import find_packages, setup
+
+PACKAGE = "snnav_core"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    description="Sensor-network navigation: the algorithms",
+    license="Apache-2.0",
+    author="snnav maintainers",
+    maintainer="snnav maintainers",
+    maintainer_email="snnav-maintainers@example.org",
+    python_requires=">=3.11",
+    packages=find_packages(exclude=["test"]),
+    package_data={PACKAGE: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=["setuptools", "numpy>=1.26", "scipy>=1.11", "shapely>=2.0", "numba>=0.59"],
+    extras_require={"test": ["pytest", "pytest-timeout", "hypothesis"]},
+    zip_safe=False,
+)
