@@ -19,8 +19,9 @@ from snnav_core.types import FloatArray
 __all__ = ["UnoccupiedArea", "as_multipolygon", "component_at", "grow", "reduce_area", "remove_disks", "shrink"]
 
 _QUAD_SEGMENTS = 8
-# A polygonal arc of a buffer lies inside the true circle; enlarging the distance puts it outside.
-_ARC_FACTOR = 1.0 / math.cos(math.pi / (4 * _QUAD_SEGMENTS))
+# A polygonal arc of a buffer lies inside the true circle; enlarging the distance puts it outside. GEOS rounds the
+# number of chords of a partial arc, so that one chord may span up to 1.5 times a quarter circle / _QUAD_SEGMENTS.
+_ARC_FACTOR = 1.0 / math.cos(1.5 * math.pi / (4 * _QUAD_SEGMENTS))
 
 
 def as_multipolygon(geometry: BaseGeometry) -> MultiPolygon:
@@ -118,7 +119,7 @@ def shrink(geometry: BaseGeometry, distance: float) -> MultiPolygon:
     """Points of the geometry at least `distance` [m] inside its boundary, never more than that.
 
     Shapely rounds corners by chords of the arc, which would add free space; the distance is enlarged by
-    1/cos(pi/(4 q)) with q segments a quarter, so that the result errs on the side of less.
+    1/cos(1.5 pi/(4 q)) with q segments a quarter, so that the result errs on the side of less.
     """
     if distance <= 0.0:
         return as_multipolygon(geometry)
@@ -140,19 +141,19 @@ def reduce_area(region: BaseGeometry, distance: float, simplification: float = 0
     distance : float
         Distance to keep from the boundary [m].
     simplification : float
-        The boundary is first simplified by at most this distance [m] and the reduction enlarged by as much: fewer
-        vertices, never more free space.
+        Tolerance of a first simplification of the boundary [m]; the start of a ring can move by twice as much, so
+        the reduction is enlarged by 2 `simplification`: fewer vertices, never more free space.
 
     Returns
     -------
     shapely.MultiPolygon
-        Subset of the exact reduction, short of it by at most 2 `simplification` + 0.5 % of the distance.
+        Subset of the exact reduction, short of it by at most 4 `simplification` + 1.1 % of the distance.
     """
     if simplification > 0.0:
         region = shapely.simplify(region, simplification, preserve_topology=True)
         if not region.is_valid:
             region = shapely.make_valid(region)
-    return shrink(region, distance + simplification)
+    return shrink(region, distance + 2.0 * simplification)
 
 
 def component_at(region: MultiPolygon, point: FloatArray) -> Polygon | None:
