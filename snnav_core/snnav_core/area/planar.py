@@ -100,9 +100,8 @@ class UnoccupiedArea:
     def restamped(self, stamp: float, contradictions: Mapping[str, int] | None = None) -> UnoccupiedArea:
         """The same region at another time [s], sharing what was computed from it."""
         twin = UnoccupiedArea(stamp, self.region, self.contradictions if contradictions is None else contradictions)
-        for name in ("rings", "clearance_field"):
-            if name in self.__dict__:
-                twin.__dict__[name] = self.__dict__[name]
+        twin.__dict__["rings"] = self.rings
+        twin.__dict__["clearance_field"] = self.clearance_field
         return twin
 
     def clearance(self, points: FloatArray) -> FloatArray:
