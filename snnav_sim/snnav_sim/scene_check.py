@@ -1,0 +1,125 @@
+"""Cross-checks between the entries of a scene, each failing at the line of the value to change."""
+
+from __future__ import annotations
+
+import math
+
+import shapely
+
+from snnav_sim.scene_types import Circle, Point, Scene, Shape
+from snnav_sim.scene_yaml import Field
+
+__all__ = ["check_scene"]
+
+
+def check_scene(root: Field, scene: Scene) -> None:
+    """Check what no single entry shows.
+
+    Parameters
+    ----------
+    root : Field
+        The document that `scene` was read from.
+    scene : Scene
+
+    Raises
+    ------
+    SceneError
+        At the first contradiction.
+    """
+    entries = root.children()
+    _check_times(entries, scene)
+    _check_ids(entries)
+    _check_places(entries, scene)
+    _check_overlap(entries, scene)
+    _check_speeds(entries, scene)
+    if scene.recorded and (scene.movers or any(s.device != "recorded" for s in scene.sensors)):
+        key = "movers" if scene.movers else "sensors"
+        entries[key].fail("beside recorded sensors", "a recorded scan cannot show simulated bodies: use one kind only")
+
+
+def _check_times(entries: dict[str, Field], scene: Scene) -> None:
+    ratio = scene.sampling_interval / scene.control_period
+    if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6:
+        # the control period may be defaulted: then the interval is what the user can see
+        field = entries.get("control_period", entries["sampling_interval"])
+        best = scene.sampling_interval / max(1, round(ratio))
+        field.fail(
+            f"sampling_interval {scene.sampling_interval:g} s is no whole multiple of control_period "
+            f"{scene.control_period:g} s",
+            f"give a control_period that divides it, such as {best:g}",
+        )
+
+
+def _check_ids(entries: dict[str, Field]) -> None:
+    for key in ("sensors", "robots", "movers"):
+        seen: dict[str, int] = {}
+        for item in _items(entries, key):
+            field = item.children()["id"]
+            name = field.text()
+            if name in seen:
+                field.fail(f"{name} is used twice (first in line {seen[name]})", "give every entry its own id")
+            seen[name] = field.line
+
+
+def _items(entries: dict[str, Field], key: str) -> list[Field]:
+    return entries[key].items("a list") if key in entries else []
+
+
+def _solid(shape: Shape) -> shapely.Geometry:
+    if isinstance(shape, Circle):
+        return shapely.Point(shape.x, shape.y).buffer(shape.radius, quad_segs=32)
+    return shapely.Polygon(shape.vertices)
+
+
+def _check_places(entries: dict[str, Field], scene: Scene) -> None:
+    workspace = shapely.Polygon(scene.border.vertices)
+
+    def inside(point: Point) -> bool:
+        return bool(workspace.distance(shapely.Point(point)) <= 1e-9)
+
+    def check(field: Field, point: Point) -> None:
+        if not inside(point):
+            field.fail(f"[{point[0]:g}, {point[1]:g}] lies outside the workspace", "move it inside the polygon")
+
+    solids = [_solid(shape) for shape in scene.obstacles]
+    for item, sensor in zip(_items(entries, "sensors"), scene.sensors, strict=True):
+        field = item.children()["position"]
+        check(field, sensor.position)
+        for index, solid in enumerate(solids):
+            if solid.contains(shapely.Point(sensor.position)) and not scene.recorded:
+                field.fail(f"the sensor is inside obstacles[{index}]", "move it out, it would be blind")
+    for item, robot in zip(_items(entries, "robots"), scene.robots, strict=True):
+        check(item.children()["start"], robot.start)
+        check(item.children()["target"], robot.target)
+
+
+def _check_speeds(entries: dict[str, Field], scene: Scene) -> None:
+    for item, robot in zip(_items(entries, "robots"), scene.robots, strict=True):
+        if scene.safety_margin < robot.radius:
+            entries["safety_margin"].fail(
+                f"{scene.safety_margin:g} is below the radius {robot.radius:g} of {robot.id}",
+                "it is measured from the robot's centre: give at least the radius",
+            )
+        if scene.boundary_speed >= robot.speed:
+            field = entries.get("boundary_speed", item.children()["speed"])
+            field.fail(
+                f"boundary_speed {scene.boundary_speed:g} is not below the speed {robot.speed:g} of {robot.id}",
+                "robots must be faster than any boundary (assumption of ch. 3)",
+            )
+    for item, mover in zip(_items(entries, "movers"), scene.movers, strict=True):
+        if mover.top_speed > scene.boundary_speed * (1.0 + 1e-9):
+            children = item.children()
+            children.get("velocity", children.get("speed", item)).fail(
+                f"{mover.id} moves at {mover.top_speed:g} m/s, faster than boundary_speed {scene.boundary_speed:g}",
+                "raise boundary_speed or slow the mover down",
+            )
+
+
+def _check_overlap(entries: dict[str, Field], scene: Scene) -> None:
+    items = _items(entries, "robots")
+    for index, robot in enumerate(scene.robots):
+        for other in scene.robots[:index]:
+            if math.dist(robot.start, other.start) < robot.radius + other.radius:
+                items[index].children()["start"].fail(
+                    f"[{robot.start[0]:g}, {robot.start[1]:g}] overlaps the disk of {other.id}", "move the start away"
+                )

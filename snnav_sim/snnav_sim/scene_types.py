@@ -1,0 +1,247 @@
+"""What a scene holds: frozen values in SI units and radians, as read from a scene file."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from snnav_core.types import FloatArray, Pose2D, RobotSpec
+
+__all__ = ["Circle", "Mover", "Point", "Polygon", "RobotScene", "Scene", "SensorScene", "Shape"]
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Polygon:
+    """A simple polygon by its vertices [m], in either direction, the first not repeated."""
+
+    vertices: tuple[Point, ...]
+
+    @property
+    def points(self) -> FloatArray:
+        """Vertices [m], shape (N, 2)."""
+        return np.array(self.vertices, dtype=np.float64).reshape(-1, 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """A disk by centre and radius [m]."""
+
+    x: float
+    y: float
+    radius: float
+
+
+Shape = Polygon | Circle
+
+
+@dataclass(frozen=True, slots=True)
+class Mover:
+    """A body that moves without turning; its shape is given about its own origin.
+
+    Either `waypoints` and `speed` are given, or `start` and `velocity`.
+
+    Parameters
+    ----------
+    id : str
+    shape : Polygon or Circle
+        About the origin of the body [m].
+    waypoints : tuple of points
+        Corners of the way of the origin [m, map], at least two; empty when `start` is given.
+    speed : float
+        Speed along the waypoints [m/s].
+    loop : bool
+        Turn back at the ends for ever, else stay at the last waypoint.
+    start : point or None
+        Position of the origin at time 0 [m, map].
+    velocity : point
+        Constant velocity from `start` for ever [m/s, map].
+    """
+
+    id: str
+    shape: Shape
+    waypoints: tuple[Point, ...] = ()
+    speed: float = 0.0
+    loop: bool = False
+    start: Point | None = None
+    velocity: Point = (0.0, 0.0)
+
+    @property
+    def top_speed(self) -> float:
+        """Largest speed of the body [m/s]."""
+        return self.speed if self.start is None else math.hypot(*self.velocity)
+
+
+@dataclass(frozen=True, slots=True)
+class SensorScene:
+    """One planar range finder at a surveyed pose.
+
+    Parameters
+    ----------
+    id : str
+    device : str
+        ``lms200`` (simulated) or ``recorded`` (every scan is `ranges`).
+    position : point
+        [m, map].
+    heading : float
+        Direction of bearing zero [rad, map].
+    field_of_view : float
+        Angle from the first to the last beam; 2 pi for all round [rad].
+    resolution : float
+        Angle from beam to beam [rad].
+    range_max : float
+        Greatest measured range R_s [m].
+    angle_min : float
+        Bearing of the first beam in the sensor frame [rad].
+    noise : str
+        ``none`` or ``lms200``.
+    range_min : float
+        Nearer returns are not measured [m].
+    no_return : str
+        ``free``: a beam without return is free up to `range_max`; ``unknown``: nothing is known along it.
+    drop_out : float
+        Probability that a beam is lost.
+    error_codes : bool
+        Whether lost beams and beams without return carry the codes of the LMS-200 instead of NaN and infinity.
+    ranges : tuple of float
+        The recorded scan [m]; empty for a simulated device.
+    range_cut : float or None
+        Longer recorded ranges are free only up to this one [m].
+    """
+
+    id: str
+    device: str
+    position: Point
+    heading: float
+    field_of_view: float
+    resolution: float
+    range_max: float
+    angle_min: float
+    noise: str = "none"
+    range_min: float = 0.0
+    no_return: str = "free"
+    drop_out: float = 0.0
+    error_codes: bool = False
+    ranges: tuple[float, ...] = ()
+    range_cut: float | None = None
+
+    @property
+    def pose(self) -> Pose2D:
+        """Pose of the sensor [map]."""
+        return Pose2D(self.position[0], self.position[1], self.heading)
+
+    @property
+    def all_round(self) -> bool:
+        """Whether the field of view closes; then the last beam is one resolution before the first."""
+        return self.field_of_view > 2.0 * math.pi - 1e-9
+
+    @property
+    def beams(self) -> int:
+        """Number of beams of a scan."""
+        return round(self.field_of_view / self.resolution) + (0 if self.all_round else 1)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotScene:
+    """One robot: where it starts, where it shall go, what it can do.
+
+    Parameters
+    ----------
+    id : str
+    start : point
+        [m, map].
+    heading : float
+        Heading at the start [rad, map].
+    target : point
+        [m, map].
+    speed : float
+        Travelling speed [m/s].
+    max_turn_rate : float
+        [rad/s].
+    radius : float
+        Radius of the disk that covers the robot [m].
+    """
+
+    id: str
+    start: Point
+    heading: float
+    target: Point
+    speed: float
+    max_turn_rate: float
+    radius: float
+
+    @property
+    def spec(self) -> RobotSpec:
+        """What the navigator has to know of the robot."""
+        return RobotSpec(self.id, self.radius, self.speed, self.max_turn_rate)
+
+    @property
+    def pose(self) -> Pose2D:
+        """Pose at the start [map]."""
+        return Pose2D(self.start[0], self.start[1], self.heading)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A complete scene; see docs/scene-format.md for the meaning of every key.
+
+    Parameters
+    ----------
+    name, description : str
+    sampling_interval : float
+        Delta, from one decision to the next [s].
+    border : Polygon
+        Border of the workspace, a wall.
+    safety_margin : float
+        d_s, from a robot's centre to any boundary [m].
+    sensors, robots, obstacles, movers : tuple
+    seed : int
+        Of all randomness of a run.
+    control_period : float
+        [s]; a whole number of them make a sampling interval.
+    time_window : int
+        T, in sampling intervals.
+    boundary_speed : float
+        V_max [m/s].
+    time_limit : float
+        A run ends then [s].
+    """
+
+    name: str
+    sampling_interval: float
+    border: Polygon
+    safety_margin: float
+    sensors: tuple[SensorScene, ...]
+    robots: tuple[RobotScene, ...] = ()
+    obstacles: tuple[Shape, ...] = ()
+    movers: tuple[Mover, ...] = ()
+    description: str = ""
+    seed: int = 0
+    control_period: float = 0.05
+    time_window: int = 4
+    boundary_speed: float = 0.0
+    time_limit: float = 300.0
+    _workspace: FloatArray = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        workspace = self.border.points
+        workspace.setflags(write=False)
+        object.__setattr__(self, "_workspace", workspace)
+
+    @property
+    def workspace(self) -> FloatArray:
+        """Vertices of the border [m, map], shape (N, 2)."""
+        return self._workspace
+
+    @property
+    def ticks_per_sample(self) -> int:
+        """Number of control periods in a sampling interval."""
+        return round(self.sampling_interval / self.control_period)
+
+    @property
+    def recorded(self) -> bool:
+        """Whether the true obstacles are unknown because the scans are recorded ones."""
+        return any(sensor.device == "recorded" for sensor in self.sensors)
