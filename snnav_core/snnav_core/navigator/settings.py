@@ -1,0 +1,146 @@
+"""Settings of the ground navigator, and the distances that follow from them for one robot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from snnav_core.errors import InvalidInput
+from snnav_core.planning.adjustment import AdjustmentSettings
+from snnav_core.planning.certificate import CertificateSettings
+from snnav_core.types import FloatArray, RobotSpec
+
+__all__ = ["NavigatorSettings", "RobotDistances"]
+
+
+@dataclass(frozen=True, slots=True)
+class NavigatorSettings:
+    """How the navigator plans; SI units.
+
+    Parameters
+    ----------
+    sampling_interval : float
+        delta: time between two decisions [s].
+    safety_margin : float
+        d_s: from a robot's centre to the boundary of the unoccupied area and to other robots' disks [m].
+    time_window : int
+        T: how long a path is proved safe, in sampling intervals.
+    boundary_speed : float
+        V_max: no boundary of the unoccupied area moves faster [m/s].
+    tracking_tolerance : float
+        How far a robot may be off its path [m]; the certificate demands it beyond the margin.
+    planning_reserve : float
+        What the planner keeps beyond what the certificate demands [m].
+    turn_radius_factor : float
+        Planned radius as a multiple of R_min: a path at R_min leaves the tracker no authority (C0-9).
+    circle_radius_factor : float
+        Radius of the initial circles as a multiple of R_min (C3-16).
+    simplification : float
+        The reduced area for candidates may be simplified by this much, always to less free space [m].
+    switch_gain : float
+        A new path replaces the last one only when it is shorter by this share (C3-26).
+    search_interval : int
+        New candidates are sought every so many steps when the area changes, and at once when the last path fails.
+    max_adjusted : int
+        At most so many candidates are adjusted in one step, shortest first.
+    arrival_distance : float or None
+        Distance to the target that counts as arrived [m]; None for a quarter of L, at least 0.1 m, at most L.
+    path_spacing : float or None
+        Largest distance between path points [m]; None for min(L, R_min / 2, d_s / 2) (C0-10).
+    """
+
+    sampling_interval: float
+    safety_margin: float
+    time_window: int = 4
+    boundary_speed: float = 0.0
+    tracking_tolerance: float = 0.01
+    planning_reserve: float = 0.01
+    turn_radius_factor: float = 1.1
+    circle_radius_factor: float = 1.05
+    simplification: float = 0.02
+    switch_gain: float = 0.05
+    search_interval: int = 5
+    max_adjusted: int = 6
+    arrival_distance: float | None = None
+    path_spacing: float | None = None
+    adjustment: AdjustmentSettings = field(default_factory=AdjustmentSettings)
+
+    def __post_init__(self) -> None:
+        for name in ("sampling_interval", "safety_margin"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise InvalidInput(f"{name} is {value}, must be a positive number")
+        for name in ("boundary_speed", "tracking_tolerance", "planning_reserve", "simplification", "switch_gain"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise InvalidInput(f"{name} is {value}, must be a number >= 0")
+        for name in ("time_window", "search_interval", "max_adjusted"):
+            if getattr(self, name) < 1:
+                raise InvalidInput(f"{name} is {getattr(self, name)}, must be a whole number >= 1")
+        for name in ("turn_radius_factor", "circle_radius_factor"):
+            if not getattr(self, name) >= 1.0:
+                raise InvalidInput(f"{name} is {getattr(self, name)}, must be >= 1")
+        for name in ("arrival_distance", "path_spacing"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                raise InvalidInput(f"{name} is {value}, must be a positive number or left out")
+
+    @property
+    def certificate(self) -> CertificateSettings:
+        """What the certificate check demands."""
+        return CertificateSettings(
+            safety_margin=self.safety_margin,
+            boundary_speed=self.boundary_speed,
+            sampling_interval=self.sampling_interval,
+            time_window=self.time_window,
+            tracking_tolerance=self.tracking_tolerance,
+        )
+
+
+class RobotDistances:
+    """Lengths that follow from the settings for one robot.
+
+    Raises
+    ------
+    InvalidInput
+        If the robot is not faster than the boundary, or its disk is larger than the safety margin.
+    """
+
+    def __init__(self, robot: RobotSpec, settings: NavigatorSettings) -> None:
+        if settings.boundary_speed >= robot.speed:
+            raise InvalidInput(
+                f"boundary_speed {settings.boundary_speed} m/s must be below the speed {robot.speed} m/s of robot {robot.id}"
+            )
+        if settings.safety_margin < robot.radius:
+            raise InvalidInput(
+                f"safety_margin {settings.safety_margin} m is below the radius {robot.radius} m of robot {robot.id}"
+            )
+        self._settings = settings
+        self.stride = robot.speed * settings.sampling_interval
+        widest = settings.path_spacing or min(0.5 * robot.min_turn_radius, 0.5 * settings.safety_margin)
+        self.parts = max(1, math.ceil(self.stride / widest - 1e-9))
+        self.link = self.stride / self.parts
+        self.step = settings.sampling_interval / self.parts
+        self.turn_radius = settings.turn_radius_factor * robot.min_turn_radius
+        self.circle_radius = settings.circle_radius_factor * robot.min_turn_radius
+        self.arrival = settings.arrival_distance or min(self.stride, max(0.1, 0.25 * self.stride))
+        self.window_points = settings.time_window * self.parts
+
+    def demanded(self) -> FloatArray:
+        """Planned distance of p_1 .. p_(T parts) to the boundary [m]: d_s + k step V_max, reserves and chord dips.
+
+        The chord between two points at distance d from a corner dips to sqrt(d^2 - L^2 / 4) (C0-7).
+        """
+        settings = self._settings
+        times = np.arange(1, self.window_points + 1) * self.step
+        tolerance = settings.tracking_tolerance + settings.planning_reserve
+        distance = settings.safety_margin + times * settings.boundary_speed + tolerance
+        return np.sqrt(distance**2 + 0.25 * self.link**2)
+
+    @property
+    def least(self) -> float:
+        """Least distance that a path can be planned for [m]."""
+        tolerance = self._settings.tracking_tolerance + self._settings.planning_reserve
+        return math.hypot(self._settings.safety_margin + tolerance, 0.5 * self.link)

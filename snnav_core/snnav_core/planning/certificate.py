@@ -1,0 +1,354 @@
+"""The independent check of a path: nothing is reported to a robot that this module did not accept.
+
+It shares no code with the planner: distances come from shapely, not from the planner's clearance field.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely.geometry import MultiPolygon
+
+from snnav_core.errors import InvalidInput
+from snnav_core.types import Certificate, FloatArray, Pose2D, RobotSpec, TimedPath
+
+__all__ = ["BoundaryIndex", "CertificateSettings", "OtherRobot", "certify"]
+
+
+@dataclass(frozen=True, slots=True)
+class CertificateSettings:
+    """What a path must keep.
+
+    Parameters
+    ----------
+    safety_margin : float
+        d_s, from the robot centre to the boundary of the unoccupied area and to other robots' disks [m].
+    boundary_speed : float
+        V_max [m/s].
+    sampling_interval : float
+        delta [s].
+    time_window : int
+        T, in sampling intervals.
+    tracking_tolerance : float
+        Demanded beyond the margin for tracking errors, in full from the first sampling interval on: the path starts
+        at the robot itself [m].
+    radius_factor : float
+        Smallest circumscribed radius as a share of R_min (C0-9).
+    stretch : float
+        Largest and smallest link as shares of speed x step are `stretch` and 2 - `stretch` - 0.08 (C0-11).
+    """
+
+    safety_margin: float
+    boundary_speed: float
+    sampling_interval: float
+    time_window: int
+    tracking_tolerance: float = 0.01
+    radius_factor: float = 0.95
+    stretch: float = 1.02
+
+    def __post_init__(self) -> None:
+        if not self.safety_margin > 0.0 or not self.sampling_interval > 0.0:
+            raise InvalidInput(
+                f"safety_margin {self.safety_margin} and sampling_interval {self.sampling_interval} must be positive"
+            )
+        if self.time_window < 1 or not self.boundary_speed >= 0.0 or not self.tracking_tolerance >= 0.0:
+            raise InvalidInput(
+                f"time_window {self.time_window} must be >= 1, boundary_speed {self.boundary_speed} and "
+                f"tracking_tolerance {self.tracking_tolerance} >= 0"
+            )
+
+
+@dataclass(frozen=True)
+class OtherRobot:
+    """Where another robot will be: it follows `path` and stays at its end."""
+
+    id: str
+    radius: float
+    path: TimedPath
+
+
+class BoundaryIndex:
+    """Distances from segments to the boundary of an area, and whether points lie inside, by shapely."""
+
+    def __init__(self, region: MultiPolygon) -> None:
+        self.region = region
+        self._prepared = region
+        shapely.prepare(self._prepared)
+        coordinates, rings = [], []
+        for index, ring in enumerate(shapely.get_rings(region)):
+            points = shapely.get_coordinates(ring)
+            coordinates.append(np.stack((points[:-1], points[1:]), axis=1))
+            rings.append(index)
+        self._pieces = shapely.linestrings(np.concatenate(coordinates)) if coordinates else np.empty(0, dtype=object)
+        self._tree = shapely.STRtree(self._pieces)
+
+    def distances(self, segments: FloatArray) -> FloatArray:
+        """Distance of segments (N, 2, 2) [m, map] to the boundary [m]; 0 where a segment is not inside the area."""
+        if len(self._pieces) == 0 or len(segments) == 0:
+            return np.zeros(len(segments))
+        inside = shapely.contains_xy(self._prepared, segments[:, 0, 0], segments[:, 0, 1])
+        # A point has no line string: give every segment some length, far below any tolerance.
+        degenerate = np.all(segments[:, 0] == segments[:, 1], axis=1)
+        lines = segments.copy()
+        lines[degenerate, 1, 0] += 1e-9
+        (rows, _), distances = self._tree.query_nearest(
+            shapely.linestrings(lines), all_matches=False, return_distance=True
+        )
+        result = np.zeros(len(segments))
+        result[rows] = distances
+        result[~inside] = 0.0
+        return result
+
+
+def certify(
+    path: TimedPath,
+    robot: RobotSpec,
+    pose: Pose2D,
+    boundary: BoundaryIndex,
+    area_stamp: float,
+    others: Sequence[OtherRobot],
+    settings: CertificateSettings,
+    least_window: int = 1,
+) -> Certificate:
+    """Check a path (Ch. 3, "temporarily safe path" and the non-holonomic constraint).
+
+    Parameters
+    ----------
+    path : TimedPath
+        Starts at the robot.
+    robot : RobotSpec
+    pose : Pose2D
+        Present pose of the robot [map].
+    boundary : BoundaryIndex
+        Of the unoccupied area at the start time of the path.
+    area_stamp : float
+        Stamp of that area [s].
+    others : sequence of OtherRobot
+    settings : CertificateSettings
+    least_window : int
+        Smallest acceptable window in sampling intervals. When the margin holds for fewer than T but at least so many,
+        the certificate is accepted with the shorter window (`valid_until`).
+
+    Returns
+    -------
+    Certificate
+        `accepted` only if for all times s up to `valid_until` the distance of the path, along its segments, to the
+        boundary is >= d_s + s V_max (plus the tracking tolerance), to every other robot's disk >= d_s, the rest of the
+        path keeps d_s, all circumscribed radii, the first heading and the link lengths hold.
+
+    Notes
+    -----
+    Deviations: segments instead of points (C0-7). When the robot itself stands closer than d_s (C3-13), the demand is
+    lowered to its present distance: the path must lead away, never closer.
+    """
+    check = _Check(path, robot, pose, boundary, others, settings)
+    radius = check.least_radius()
+    reason = check.geometry_fault(radius)
+    clearance_until, clearance, clearance_fault = check.clearance()
+    separation_until, separation, separation_fault = check.separation()
+    safe_until = min(clearance_until, separation_until)
+    whole = math.floor((safe_until - path.start_time) / settings.sampling_interval + 1e-9)
+    window = min(settings.time_window, whole)
+    if not reason and window < least_window:
+        reason = clearance_fault if clearance_until <= separation_until else separation_fault
+    if not reason:
+        reason = check.tail_fault()
+    return Certificate(
+        robot_id=robot.id,
+        accepted=not reason,
+        valid_until=path.start_time + max(window, 0) * settings.sampling_interval,
+        least_clearance=clearance,
+        least_separation=separation,
+        least_radius=radius,
+        area_stamp=area_stamp,
+        path_digest=path.digest(),
+        reason=reason,
+    )
+
+
+class _Check:
+    """One path under check."""
+
+    def __init__(
+        self,
+        path: TimedPath,
+        robot: RobotSpec,
+        pose: Pose2D,
+        boundary: BoundaryIndex,
+        others: Sequence[OtherRobot],
+        settings: CertificateSettings,
+    ) -> None:
+        self.path, self.robot, self.pose = path, robot, pose
+        self.others, self.settings, self.boundary = others, settings, boundary
+        self.points = np.asarray(path.points)
+        self.window_end = path.start_time + settings.time_window * settings.sampling_interval
+        self.times, self.pieces = self._pieces()
+        self.distances = boundary.distances(self.pieces)
+
+    def _pieces(self) -> tuple[FloatArray, FloatArray]:
+        """Cut the path into pieces short in time: end time of each relative to the start (M,), ends (M, 2, 2)."""
+        growth = self.settings.boundary_speed * self.path.step
+        parts = max(1, min(20, math.ceil(growth / max(0.5 * self.settings.tracking_tolerance, 1e-3))))
+        links = len(self.path) - 1
+        if self.path.turn_to is not None or links == 0:
+            # The robot stands: one piece an interval, the whole window long.
+            count = self.settings.time_window * parts
+            duration = self.settings.time_window * self.settings.sampling_interval
+            piece = np.stack((self.points[0], self.points[0]))
+            return np.arange(1, count + 1) * (duration / count), np.broadcast_to(piece, (count, 2, 2)).copy()
+        fractions = np.arange(links * parts + 1) / parts
+        index = np.minimum(fractions.astype(np.int64), links - 1)
+        share = (fractions - index)[:, None]
+        knots = self.points[index] * (1.0 - share) + self.points[index + 1] * share
+        return fractions[1:] * self.path.step, np.stack((knots[:-1], knots[1:]), axis=1)
+
+    def least_radius(self) -> float:
+        """Least circumscribed radius abc / (4 area) of three successive points [m]."""
+        if len(self.path) < 3 or self.path.turn_to is not None:
+            return math.inf
+        first, middle, last = self.points[:-2], self.points[1:-1], self.points[2:]
+        a = np.linalg.norm(middle - first, axis=1)
+        b = np.linalg.norm(last - middle, axis=1)
+        c = np.linalg.norm(last - first, axis=1)
+        doubled = np.abs(
+            (middle - first)[:, 0] * (last - first)[:, 1] - (middle - first)[:, 1] * (last - first)[:, 0]
+        )
+        reversal = np.einsum("ij,ij->i", middle - first, last - middle) <= 0.0
+        with np.errstate(divide="ignore"):
+            radius = np.where(doubled > 1e-12, a * b * c / (2.0 * np.maximum(doubled, 1e-300)), np.inf)
+        radius[reversal] = 0.0
+        return float(radius.min())
+
+    def geometry_fault(self, least_radius: float) -> str:
+        """Reason why the shape of the path cannot be driven, or an empty string."""
+        offset = float(np.linalg.norm(self.points[0] - self.pose.position))
+        if offset > 1e-6:
+            return f"the path starts {offset:.3f} m away from the robot"
+        if self.path.turn_to is not None:
+            moved = float(np.abs(self.points - self.points[0]).max())
+            if moved > 0.0:
+                return f"a turn in place moves by {moved:.3f} m"
+            return "" if self.robot.can_turn_in_place else f"robot {self.robot.id} cannot turn in place"
+        if len(self.path) < 2:
+            return "the path has a single point"
+        return self._link_fault() or self._heading_fault() or self._radius_fault(least_radius)
+
+    def _link_fault(self) -> str:
+        nominal = self.robot.speed * self.path.step
+        links = np.linalg.norm(np.diff(self.points, axis=0), axis=1)
+        longest, stretch = float(links.max()), self.settings.stretch
+        if longest > stretch * nominal + 1e-9:
+            return f"a link is {longest:.3f} m long, the robot covers {nominal:.3f} m in a step"
+        shortest = float(links[:-1].min()) if len(links) > 1 else nominal
+        if shortest < (1.92 - stretch) * nominal - 1e-9:
+            return f"a link is only {shortest:.3f} m long, the robot covers {nominal:.3f} m in a step"
+        return ""
+
+    def _heading_fault(self) -> str:
+        direction = self.points[1] - self.points[0]
+        length = float(np.linalg.norm(direction))
+        if length < 1e-9:
+            return "the first link has no length"
+        angle = abs(math.remainder(math.atan2(direction[1], direction[0]) - self.pose.heading, 2.0 * math.pi))
+        radius = self.settings.radius_factor * self.robot.min_turn_radius
+        limit = math.asin(min(1.0, length / (2.0 * radius)))
+        if angle > limit + 1e-6:
+            return f"the path starts {math.degrees(angle):.1f} deg off the heading, allowed {math.degrees(limit):.1f} deg"
+        return ""
+
+    def _radius_fault(self, least_radius: float) -> str:
+        limit = self.settings.radius_factor * self.robot.min_turn_radius
+        if least_radius < limit - 1e-9:
+            return f"the least radius of the path is {least_radius:.3f} m, the robot needs {limit:.3f} m"
+        return ""
+
+    def _demanded(self) -> FloatArray:
+        """Demanded distance of every piece [m]: d_s + growth until its end + tracking tolerance."""
+        settings = self.settings
+        capped = np.minimum(self.times, settings.time_window * settings.sampling_interval)
+        tolerance = settings.tracking_tolerance * np.minimum(1.0, self.times / settings.sampling_interval)
+        # The piece ends at `times`; up to then the boundary has come closer by at most this.
+        demanded = settings.safety_margin + settings.boundary_speed * capped + tolerance
+        present = self._present()
+        if present < settings.safety_margin:
+            demanded = np.minimum(demanded, present)
+        # The first piece starts at the robot itself, which no path can change.
+        first = settings.boundary_speed * self.times[0] + tolerance[0]
+        demanded[0] = min(demanded[0], max(settings.safety_margin, present - first))
+        return demanded
+
+    def _present(self) -> float:
+        return float(self.boundary.distances(np.stack((self.points[0], self.points[0]))[None])[0])
+
+    def clearance(self) -> tuple[float, float, str]:
+        """Until when the margin to the boundary holds [s], the least distance until then [m], what fails then."""
+        if len(self.distances) == 0 or self._present() <= 0.0:
+            return -math.inf, 0.0, "the robot is outside the unoccupied area"
+        inside = self.times <= self.window_end - self.path.start_time + 1e-9
+        demanded = self._demanded()
+        failing = np.flatnonzero(inside & (self.distances < demanded - 1e-9))
+        least = float(self.distances[inside].min()) if inside.any() else float(self.distances[0])
+        if len(failing) == 0:
+            return math.inf, least, ""
+        first = int(failing[0])
+        before = float(self.times[first - 1]) if first else 0.0
+        point = self.pieces[first].mean(axis=0)
+        fault = (
+            f"clearance {self.distances[first]:.3f} m at ({point[0]:.2f}, {point[1]:.2f}) after {self.times[first]:.2f} s, "
+            f"demanded {demanded[first]:.3f} m"
+        )
+        return self.path.start_time + before, least, fault
+
+    def tail_fault(self) -> str:
+        """Whether the path beyond the window, which is not proved, at least keeps d_s from what is known now."""
+        tail = self.times > self.window_end - self.path.start_time + 1e-9
+        if not tail.any():
+            return ""
+        limit = min(self.settings.safety_margin, self._present())
+        worst = float(self.distances[tail].min())
+        if worst < limit - 1e-9:
+            return f"beyond the window the path comes within {worst:.3f} m of the boundary, margin {limit:.3f} m"
+        return ""
+
+    def separation(self) -> tuple[float, float, str]:
+        """Until when the margin to other robots holds [s], the least distance to their disks [m], what fails then."""
+        until, least, fault = math.inf, math.inf, ""
+        for other in self.others:
+            times, distances = _approach(self.path, other.path, self.window_end)
+            distances = distances - other.radius
+            least = min(least, float(distances.min()))
+            present = float(np.linalg.norm(other.path.positions_at(np.array([self.path.start_time]))[0] - self.points[0]))
+            limit = min(self.settings.safety_margin, present - other.radius)
+            failing = np.flatnonzero(distances < limit - 1e-9)
+            if len(failing) and times[failing[0]] < until:
+                until = float(times[failing[0]])
+                fault = (
+                    f"comes within {distances[failing[0]]:.3f} m of robot {other.id} after "
+                    f"{until - self.path.start_time:.2f} s, margin {limit:.3f} m"
+                )
+        return until, least, fault
+
+
+def _approach(first: TimedPath, second: TimedPath, end: float) -> tuple[FloatArray, FloatArray]:
+    """Least distance of two moving points in every interval on which both move uniformly.
+
+    Returns the start times of the intervals [s] and the least distances [m] in them, exact for linear motion.
+    """
+    start = first.start_time
+    knots = np.concatenate(
+        (
+            np.array([start, end]),
+            first.start_time + np.arange(len(first)) * first.step,
+            second.start_time + np.arange(len(second)) * second.step,
+        )
+    )
+    knots = np.unique(knots[(knots >= start) & (knots <= end)])
+    relative = first.positions_at(knots)[:, :2] - second.positions_at(knots)[:, :2]
+    begin, change = relative[:-1], np.diff(relative, axis=0)
+    squared = np.einsum("ij,ij->i", change, change)
+    share = np.clip(-np.einsum("ij,ij->i", begin, change) / np.maximum(squared, 1e-300), 0.0, 1.0)
+    return knots[:-1], np.linalg.norm(begin + share[:, None] * change, axis=1)

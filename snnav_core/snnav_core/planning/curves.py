@@ -1,0 +1,183 @@
+"""The boundary curves C_0, C_1, ... of a reduced area, and what can be seen along straight lines in it."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+
+import numba
+import numpy as np
+import shapely
+from shapely.geometry import Polygon
+
+from snnav_core.types import FloatArray
+
+__all__ = ["AreaCurves"]
+
+_TURN = 1e-12
+
+
+@numba.njit(cache=True)
+def _first_hits(sources, targets, starts, ends):  # type: ignore[no-untyped-def]
+    """For each segment source -> target the smallest share at which it properly crosses an edge, and that edge."""
+    share = np.full(sources.shape[0], np.inf)
+    edge = np.full(sources.shape[0], -1, dtype=np.int64)
+    for i in range(sources.shape[0]):
+        px, py = sources[i, 0], sources[i, 1]
+        dx, dy = targets[i, 0] - px, targets[i, 1] - py
+        length = math.sqrt(dx * dx + dy * dy)
+        eps = 1e-9 * max(length, 1.0)
+        for e in range(starts.shape[0]):
+            ax, ay = starts[e, 0] - px, starts[e, 1] - py
+            bx, by = ends[e, 0] - px, ends[e, 1] - py
+            ca = dx * ay - dy * ax
+            cb = dx * by - dy * bx
+            # Strictly on one side, or merely touching the line with one end: no crossing.
+            if (ca > -eps and cb > -eps) or (ca < eps and cb < eps):
+                continue
+            ex, ey = bx - ax, by - ay
+            denominator = dx * ey - dy * ex
+            t = (ax * ey - ay * ex) / denominator
+            if 1e-9 < t < 1.0 - 1e-9 and t < share[i]:
+                share[i] = t
+                edge[i] = e
+    return share, edge
+
+
+@numba.njit(cache=True)
+def _tangent_graph(points, previous, following, starts, ends):  # type: ignore[no-untyped-def]
+    """All pairs of corners whose connection touches both corners from outside and crosses no edge."""
+    count = points.shape[0]
+    rows = []
+    columns = []
+    lengths = []
+    for i in range(count):
+        for j in range(i + 1, count):
+            dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+            length = math.sqrt(dx * dx + dy * dy)
+            if length < 1e-9:
+                continue
+            eps = 1e-9 * max(length, 1.0)
+            if not _touches(points[i], previous[i], following[i], dx, dy, eps):
+                continue
+            if not _touches(points[j], previous[j], following[j], dx, dy, eps):
+                continue
+            free = True
+            px, py = points[i, 0], points[i, 1]
+            for e in range(starts.shape[0]):
+                ax, ay = starts[e, 0] - px, starts[e, 1] - py
+                bx, by = ends[e, 0] - px, ends[e, 1] - py
+                ca = dx * ay - dy * ax
+                cb = dx * by - dy * bx
+                if (ca > -eps and cb > -eps) or (ca < eps and cb < eps):
+                    continue
+                ex, ey = bx - ax, by - ay
+                t = (ax * ey - ay * ex) / (dx * ey - dy * ex)
+                if 1e-9 < t < 1.0 - 1e-9:
+                    free = False
+                    break
+            if free:
+                rows.append(i)
+                columns.append(j)
+                lengths.append(length)
+    return np.array(rows), np.array(columns), np.array(lengths)
+
+
+@numba.njit(cache=True)
+def _touches(corner, previous, following, dx, dy, eps):  # type: ignore[no-untyped-def]
+    """Whether both neighbours of a corner lie on one side of the line through it."""
+    ca = dx * (previous[1] - corner[1]) - dy * (previous[0] - corner[0])
+    cb = dx * (following[1] - corner[1]) - dy * (following[0] - corner[0])
+    return (ca > -eps and cb > -eps) or (ca < eps and cb < eps)
+
+
+class AreaCurves:
+    """One component of a reduced area as closed curves.
+
+    Parameters
+    ----------
+    polygon : shapely.Polygon
+        Component of R[A, d] [m, map]. Curve 0 is its exterior (C_0), the others are its holes.
+
+    Notes
+    -----
+    Rings are open and have the free side on the left: the exterior runs counter-clockwise, holes clockwise.
+    """
+
+    def __init__(self, polygon: Polygon) -> None:
+        self.polygon = shapely.orient_polygons(polygon)
+        exterior = shapely.get_coordinates(self.polygon.exterior)[:-1]
+        holes = [shapely.get_coordinates(hole)[:-1] for hole in self.polygon.interiors]
+        self.rings: list[FloatArray] = [exterior, *holes]
+        sizes = [len(ring) for ring in self.rings]
+        self.offsets = np.concatenate(([0], np.cumsum(sizes)))
+        self.starts: FloatArray = np.concatenate(self.rings)
+        self.ends: FloatArray = np.concatenate([np.roll(ring, -1, axis=0) for ring in self.rings])
+        self.before: FloatArray = np.concatenate([np.roll(ring, 1, axis=0) for ring in self.rings])
+        shapely.prepare(self.polygon)
+
+    def covers(self, point: FloatArray) -> bool:
+        """Whether the point (2,) [m, map] lies in the component."""
+        return bool(shapely.intersects_xy(self.polygon, point[0], point[1]))
+
+    def nearest(self, point: FloatArray) -> FloatArray:
+        """The point of the component nearest to the given one, (2,) [m, map]."""
+        line = shapely.shortest_line(self.polygon, shapely.points(point))
+        return np.asarray(shapely.get_coordinates(line)[0])
+
+    def locate(self, edge: int) -> tuple[int, int]:
+        """Curve and index within it of an edge."""
+        curve = int(np.searchsorted(self.offsets, edge, side="right")) - 1
+        return curve, edge - int(self.offsets[curve])
+
+    @cached_property
+    def corners(self) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+        """Indices of vertices around which a shortest path can bend: the free side turns by more than a half."""
+        incoming, outgoing = self.starts - self.before, self.ends - self.starts
+        turn = incoming[:, 0] * outgoing[:, 1] - incoming[:, 1] * outgoing[:, 0]
+        return np.flatnonzero(turn < -_TURN)
+
+    @cached_property
+    def tangents(self) -> tuple[np.ndarray, np.ndarray, FloatArray]:  # type: ignore[type-arg]
+        """Bitangent connections between `corners`: indices into it, and lengths [m]."""
+        chosen = self.corners
+        if len(chosen) < 2:
+            empty = np.empty(0, dtype=np.int64)
+            return empty, empty, np.empty(0)
+        rows, columns, lengths = _tangent_graph(
+            self.starts[chosen], self.before[chosen], self.ends[chosen], self.starts, self.ends
+        )
+        return rows, columns, lengths
+
+    def first_hits(self, sources: FloatArray, targets: FloatArray) -> tuple[FloatArray, np.ndarray]:  # type: ignore[type-arg]
+        """First proper crossing of each segment with a curve.
+
+        Parameters
+        ----------
+        sources, targets : ndarray, shape (N, 2)
+            Ends of the segments [m, map].
+
+        Returns
+        -------
+        share : ndarray, shape (N,)
+            Where the segment first crosses a curve, as a share of its length; inf when it crosses none.
+        edge : ndarray, shape (N,)
+            Index of that edge, -1 for none.
+        """
+        share, edge = _first_hits(
+            np.ascontiguousarray(sources, dtype=np.float64),
+            np.ascontiguousarray(targets, dtype=np.float64),
+            self.starts,
+            self.ends,
+        )
+        return share, edge
+
+    def touches_corner(self, points: FloatArray) -> np.ndarray:  # type: ignore[type-arg]
+        """For each source point (N, 2) and corner (M): whether the line between them is tangent at the corner."""
+        corner = self.starts[self.corners]
+        line = corner[None, :, :] - points[:, None, :]
+        back, ahead = self.before[self.corners] - corner, self.ends[self.corners] - corner
+        ca = line[..., 0] * back[None, :, 1] - line[..., 1] * back[None, :, 0]
+        cb = line[..., 0] * ahead[None, :, 1] - line[..., 1] * ahead[None, :, 0]
+        eps = 1e-9 * np.maximum(np.linalg.norm(line, axis=2), 1.0)
+        return np.asarray(((ca > -eps) & (cb > -eps)) | ((ca < eps) & (cb < eps)))

@@ -1,0 +1,159 @@
+"""Complete search: the shortest way to the target over a reduced area, from the robot's initial circles (C3-25)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from snnav_core.planning.curves import AreaCurves
+from snnav_core.types import FloatArray, Pose2D
+
+__all__ = ["GoalTree", "InitialCircle", "initial_circles"]
+
+
+@dataclass(frozen=True)
+class InitialCircle:
+    """Circle that the robot can follow from its present pose (Ch. 3, initial circles).
+
+    Parameters
+    ----------
+    centre : ndarray, shape (2,)
+        [m, map].
+    radius : float
+        [m].
+    rotation : int
+        +1 when it is driven counter-clockwise (circle to the left), -1 clockwise.
+    start_angle : float
+        Direction from the centre to the robot [rad, map].
+    """
+
+    centre: FloatArray
+    radius: float
+    rotation: int
+    start_angle: float
+
+    def arc(self, angle: float, spacing: float) -> FloatArray:
+        """Points from the robot along the circle, over the driven angle [rad], about `spacing` [m] apart."""
+        count = max(1, math.ceil(angle * self.radius / spacing))
+        swept = self.start_angle + self.rotation * np.linspace(0.0, angle, count + 1)
+        return self.centre + self.radius * np.column_stack((np.cos(swept), np.sin(swept)))
+
+    def departures(self, targets: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Where to leave the circle along its tangent towards each target (Ch. 3, B-point; C3-21).
+
+        Parameters
+        ----------
+        targets : ndarray, shape (N, 2)
+            [m, map].
+
+        Returns
+        -------
+        angle : ndarray, shape (N,)
+            Driven angle up to the tangent point [rad], in [0, 2 pi); NaN for targets inside the circle.
+        points : ndarray, shape (N, 2)
+            Tangent points [m, map].
+        length : ndarray, shape (N,)
+            From the tangent point to the target [m].
+        """
+        offset = targets - self.centre
+        distance = np.linalg.norm(offset, axis=1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            opening = np.arccos(self.radius / distance)
+        direction = np.arctan2(offset[:, 1], offset[:, 0]) - self.rotation * opening
+        angle = np.mod(self.rotation * (direction - self.start_angle), 2.0 * math.pi)
+        # A robot that heads for the target exactly would otherwise turn once around.
+        angle = np.where(angle > 2.0 * math.pi - 1e-6, 0.0, angle)
+        points = self.centre + self.radius * np.column_stack((np.cos(direction), np.sin(direction)))
+        return angle, points, np.sqrt(np.maximum(distance**2 - self.radius**2, 0.0))
+
+
+def initial_circles(pose: Pose2D, radius: float) -> tuple[InitialCircle, InitialCircle]:
+    """The two circles of the given radius [m] that touch the robot's heading at its position: left, then right."""
+    circles = []
+    for rotation in (1, -1):
+        normal = pose.heading + rotation * 0.5 * math.pi
+        centre = pose.position + radius * np.array([math.cos(normal), math.sin(normal)])
+        circles.append(InitialCircle(centre, radius, rotation, normal + math.pi))
+    return circles[0], circles[1]
+
+
+class GoalTree:
+    """Shortest distances to a target from all corners of a reduced area.
+
+    Parameters
+    ----------
+    curves : AreaCurves
+        Component that holds the target.
+    target : ndarray, shape (2,)
+        [m, map].
+    """
+
+    def __init__(self, curves: AreaCurves, target: FloatArray) -> None:
+        self.curves = curves
+        self.target = np.asarray(target, dtype=np.float64)
+        corners = curves.starts[curves.corners]
+        self.nodes: FloatArray = np.vstack((corners, self.target))
+        goal = len(corners)
+        rows, columns, lengths = curves.tangents
+        seen = self._sees(self.target)[:goal]
+        to_goal = np.linalg.norm(corners - self.target, axis=1)
+        rows = np.concatenate((rows, np.flatnonzero(seen)))
+        columns = np.concatenate((columns, np.full(int(seen.sum()), goal)))
+        lengths = np.concatenate((lengths, to_goal[seen]))
+        graph = csr_array((lengths, (rows, columns)), shape=(goal + 1, goal + 1))
+        distance, before = dijkstra(graph, directed=False, indices=goal, return_predecessors=True)
+        self.distance: FloatArray = distance
+        self._before = before
+
+    def _sees(self, point: FloatArray) -> np.ndarray:  # type: ignore[type-arg]
+        """Which nodes (corners, then the target if there) are seen from a point, tangent at the corner."""
+        corners = self.curves.starts[self.curves.corners]
+        tangent = self.curves.touches_corner(point[None])[0] if len(corners) else np.empty(0, dtype=bool)
+        nodes = np.vstack((corners, self.target))
+        candidates = np.append(tangent, True)
+        seen = np.zeros(len(nodes), dtype=bool)
+        where = np.flatnonzero(candidates)
+        share, _ = self.curves.first_hits(np.broadcast_to(point, (len(where), 2)), nodes[where])
+        seen[where[np.isinf(share)]] = True
+        return seen
+
+    def chain(self, node: int) -> FloatArray:
+        """Corners from a node to the target, both included, shape (M, 2) [m, map]."""
+        goal = len(self.nodes) - 1
+        order = [node]
+        while order[-1] != goal:
+            order.append(int(self._before[order[-1]]))
+        return self.nodes[order]
+
+    def from_point(self, point: FloatArray) -> FloatArray | None:
+        """Shortest chain from a point of the component to the target, whatever the heading; None without any."""
+        length = np.linalg.norm(self.nodes - point, axis=1) + self.distance
+        length[~self._sees(point)] = math.inf
+        best = int(np.argmin(length))
+        return np.vstack((point, self.chain(best))) if math.isfinite(length[best]) else None
+
+    def options(self, circle: InitialCircle) -> list[tuple[float, float, FloatArray]]:
+        """Ways to leave an initial circle towards a node, shortest first, not yet tested for obstacles.
+
+        Returns
+        -------
+        list of (length [m], driven angle on the circle [rad], chain (M, 2) [m, map] from the tangent point)
+        """
+        angle, points, straight = circle.departures(self.nodes)
+        total = circle.radius * angle + straight + self.distance
+        # The line must touch the corner on the side on which the chain goes on.
+        if len(self.nodes) > 1:
+            corners = self.curves.corners
+            corner = self.nodes[:-1]
+            line = corner - points[:-1]
+            back, ahead = self.curves.before[corners] - corner, self.curves.ends[corners] - corner
+            ca = line[:, 0] * back[:, 1] - line[:, 1] * back[:, 0]
+            cb = line[:, 0] * ahead[:, 1] - line[:, 1] * ahead[:, 0]
+            total[:-1][~(ca * cb >= -1e-9)] = math.inf
+        order = np.argsort(total, kind="stable")
+        order = order[np.isfinite(total[order])]
+        return [(float(total[i]), float(angle[i]), np.vstack((points[i], self.chain(int(i))))) for i in order[:60]]
