@@ -13,7 +13,7 @@ from snnav_core.errors import InvalidInput
 
 __all__ = ["remember"]
 
-# With more vertices than this many times those of the current region, plus some, narrow parts are forgotten.
+# With more vertices than this many times those of the current region, plus some, the remembered part is simplified.
 _VERTEX_FACTOR = 2
 _VERTEX_BASE = 1000
 
@@ -53,16 +53,20 @@ def remember(
     of obstacles does not bound the shadow behind them; with this memory it does.
 
     Noise on the ranges leaves thin remembered strips along every wall, which pile up when elapsed * boundary_speed is
-    below the noise. Beyond a number of vertices only the wider parts are remembered: less free space, never more.
+    below the noise. Beyond a number of vertices the remembered part is simplified inwards: less free space, never more.
     """
     for name, value, unit in (("elapsed", elapsed, "s"), ("boundary_speed", boundary_speed, "m/s")):
         if not (math.isfinite(value) and value >= 0.0):
-            raise InvalidInput(f"{name} is {value} {unit}, must be a number >= 0; reset the memory after a jump of time")
+            raise InvalidInput(
+                f"{name} is {value} {unit}, must be a number >= 0; reset the memory after a jump of time"
+            )
     reach = elapsed * boundary_speed
     united = as_multipolygon(shapely.union(current_region, shrink(previous_region, reach)))
     limit = _VERTEX_FACTOR * shapely.get_num_coordinates(current_region) + _VERTEX_BASE
-    if reach == 0.0:
-        return united
     tolerance = reach
-    while shapely.get_num_coordinates(united) > limit:
-        kept = _simplify_inwards(shrink(previous_region, reach + 2.0 * tolerance), tolerance)
+    while tolerance > 0.0 and shapely.get_num_coordinates(united) > limit:
+        # simplification moves the outline by up to twice its tolerance (at the start of a ring)
+        kept = shapely.simplify(shrink(previous_region, reach + 2.0 * tolerance), tolerance)
+        united = as_multipolygon(shapely.union(current_region, kept))
+        tolerance *= 2.0
+    return united
