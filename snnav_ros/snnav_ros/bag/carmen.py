@@ -1,7 +1,7 @@
 """Parse CARMEN logs: the FLASER and ROBOTLASER1 lines, gzip or plain text.
 
-The bearing of beam i is ``start + i * step`` in the laser's frame, x ahead, counter-clockwise. FLASER lines do not say
-it: start = -90 deg, step 1 deg for 180 or 181 beams and 0.5 deg for 360 or 361. ROBOTLASER1 lines do.
+The bearing of beam i is ``start + i * step`` in the laser's frame, x ahead, counter-clockwise. FLASER lines
+do not say it: start = -90 deg, step 1 deg for 180 or 181 beams and 0.5 deg for 360 or 361; ROBOTLASER1 do.
 """
 
 from __future__ import annotations
@@ -150,7 +150,9 @@ def _numbers(fields: list[str], name: str) -> FloatArray:
         wrong = next((field for field in fields if not _is_number(field)), "?")
         raise _BadLine(f"{name} has {wrong[:20]!r}, expected a number") from None
     if not np.isfinite(values).all():
-        raise _BadLine(f"{name} has {fields[int(np.argmin(np.isfinite(values)))]!r}, expected a finite number")
+        raise _BadLine(
+            f"{name} has {fields[int(np.argmin(np.isfinite(values)))]!r}, expected a finite number"
+        )
     return values
 
 
@@ -196,7 +198,9 @@ def _robotlaser(number: int, fields: list[str]) -> CarmenScan:
     remissions = _count(fields, 9 + count)
     expected = 10 + count + remissions + _ROBOTLASER_TAIL
     if len(fields) != expected:
-        raise _BadLine(f"{len(fields)} fields, expected {expected} for {count} readings, {remissions} remissions")
+        raise _BadLine(
+            f"{len(fields)} fields, expected {expected} for {count} readings, {remissions} remissions"
+        )
     if count < 2:
         raise _BadLine(f"{count} readings, at least 2 are needed")
     start, view, step, reach = _numbers(fields[2:6], "laser configuration")

@@ -1,4 +1,4 @@
-"""What goes wrong with recordings; every message is one line that names the file, the value and the remedy."""
+"""What goes wrong with recordings: every message is one line that names file, value and remedy."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ DEVICE_REACH = 80.0
 
 _CLUSTER = 0.2  # m, codes of one log lie this close together (51.09 .. 51.16, 81.83 .. 81.91)
 _LEAST_COUNT = 5  # a code is not seen only once or twice
-_LEAST_PROMINENCE = 10.0  # a code is this much more frequent than a distance up there
+_LEAST_PROMINENCE = 5.0  # a code is this much more frequent than a distance up there
 _LEAST_PROMINENT = 30.0  # m, below this only known codes count: a wall may be seen just as often
 _OUTLIERS = 0.02  # readings above the code, relative to how often it occurs
 _CODE_TOLERANCE = 6e-4  # m, logs round to mm
@@ -51,7 +51,8 @@ class NoReturn:
     def __str__(self) -> str:
         if not np.isfinite(self.value):
             return f"no value stands for no return; readings from {self.threshold:g} m are taken for one"
-        return f"no return = {self.value:g} m (readings from {self.threshold:g} m, {100 * self.share:.1f} % of all)"
+        share = f"{100 * self.share:.1f} % of all readings"
+        return f"no return = {self.value:g} m, from {self.threshold:g} m on ({share})"
 
 
 def find_no_return(readings: FloatArray) -> NoReturn:
@@ -64,11 +65,11 @@ def find_no_return(readings: FloatArray) -> NoReturn:
 
     Notes
     -----
-    The most frequent reading from 30 m on is taken when it stands out there (at least 5 times, and 10 times as
-    often as the median distance) and hardly anything lies above it; else the most frequent known code of the LMS
-    within a tenth of the largest reading. Codes of one log lie within 0.2 m of each other, so everything from 0.2 m
-    below the value counts as no return. Without either, only readings beyond the reach of the device (80 m) do.
-    Taking a wall for the code by mistake would lose free area, never an obstacle inside it.
+    The most frequent reading from 30 m on is taken when it stands out there (at least 5 times, and 5 times as
+    often as the median distance) and hardly anything lies above it; else the most frequent known code of the
+    LMS within a tenth of the largest reading. Codes of one log lie within 0.2 m of each other, so everything
+    from 0.2 m below the value counts as no return. Without either, only readings beyond the reach of the
+    device (80 m) do. Taking a wall for the code by mistake would lose free area, never an obstacle inside it.
     """
     values, counts = np.unique(np.asarray(readings, dtype=np.float64), return_counts=True)
     value = _prominent(values, counts)
@@ -86,7 +87,9 @@ def _prominent(values: FloatArray, counts: NDArray[np.int64]) -> float | None:
     upper, often = values[far], counts[far]
     best = int(np.argmax(often))
     beyond = int(often[upper > upper[best] + _CLUSTER].sum())
-    needed = max(_LEAST_COUNT, _LEAST_PROMINENCE * float(np.median(often))) if len(often) > 1 else _LEAST_COUNT
+    needed = (
+        max(_LEAST_COUNT, _LEAST_PROMINENCE * float(np.median(often))) if len(often) > 1 else _LEAST_COUNT
+    )
     return float(upper[best]) if often[best] >= needed and beyond <= _OUTLIERS * often[best] else None
 
 

@@ -42,8 +42,8 @@ class BagReader:
     Raises
     ------
     BagError
-        One line with file and remedy: missing, not a bag, truncated, empty, no such topic (with the topics there
-        are), a type without definition.
+        One line with file and remedy: missing, not a bag, truncated, empty, no such topic (with the topics
+        there are), a type without definition.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -95,16 +95,24 @@ class BagReader:
         connections = None if topics is None else [c for topic in topics for c in self._find(topic)]
         if connections == []:
             return
+        expected = sum(connection.msgcount for connection in connections or reader.connections)
         with self._reading("read"):
             for connection, stamp_ns, raw in reader.messages(connections or ()):
                 message = self._decoded(reader, connection, raw)
+                expected -= 1
                 yield BagMessage(connection.topic, connection.msgtype, stamp_ns, message)
+        if expected > 0:
+            raise BagError(
+                f"{self.path}: {expected} messages of its index are missing; record or copy it again"
+            )
 
     def require(self, topic: str, type_name: str) -> None:
         """Raise BagError unless the topic is there and has this type (``package/msg/Name``)."""
         for connection in self._find(topic):
             if connection.msgtype != type_name:
-                raise BagError(f"{self.path}: topic {topic!r} is a {connection.msgtype}, expected {type_name}")
+                raise BagError(
+                    f"{self.path}: topic {topic!r} is a {connection.msgtype}, expected {type_name}"
+                )
 
     def _opened(self) -> AnyReader:
         if self._reader is None:
@@ -121,8 +129,8 @@ class BagReader:
     def _decoded(self, reader: AnyReader, connection: Connection, raw: bytes) -> Any:
         if connection.msgtype not in reader.typestore.fielddefs:
             raise BagError(
-                f"{self.path}: topic {connection.topic!r} has type {connection.msgtype}, which neither the bag nor "
-                "ROS 2 Jazzy defines; leave the topic out"
+                f"{self.path}: topic {connection.topic!r} has type {connection.msgtype}, which neither the "
+                "bag nor ROS 2 Jazzy defines; leave the topic out"
             )
         return reader.deserialize(raw, connection.msgtype)
 
@@ -134,10 +142,13 @@ class BagReader:
         except (BagError, GeneratorExit):
             raise
         except sqlite3.Error as error:
-            raise BagError(f"{self.path}: cannot be {doing} ({one_line(error)}); it is no rosbag2 database") from None
+            raise BagError(
+                f"{self.path}: cannot be {doing} ({one_line(error)}); it is no rosbag2 database"
+            ) from None
         except Exception as error:
             raise BagError(
-                f"{self.path}: cannot be {doing} ({one_line(error)}); it is damaged or cut short, record or copy it again"
+                f"{self.path}: cannot be {doing} ({one_line(error)}); it is damaged or cut short, "
+                "record or copy it again"
             ) from None
 
 

@@ -46,8 +46,8 @@ class BagWriter:
     """Record messages into a new rosbag2 directory: one MCAP file and ``metadata.yaml``.
 
     The bag is written into a hidden directory beside its final place and renamed when it is complete. If the
-    ``with`` block is left by an exception (or nothing was written), that directory is removed: a bag is whole or
-    it is not there.
+    ``with`` block is left by an exception (or nothing was written), that directory is removed: a bag is whole
+    or it is not there.
 
     Parameters
     ----------
@@ -56,8 +56,8 @@ class BagWriter:
     compress : bool
         Compress the chunks of the MCAP file with zstd (every MCAP reader understands that).
     latched : collection of str
-        Topics recorded with an offered QoS of reliable, transient local, depth 1; a leading slash does not matter,
-        and a namespaced topic (``robot_1/map``) counts when it ends so.
+        Topics recorded with an offered QoS of reliable, transient local, depth 1; a leading slash does not
+        matter, and a namespaced topic (``robot_1/map``) counts when it ends so.
 
     Raises
     ------
@@ -114,7 +114,9 @@ class BagWriter:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._workplace = Path(tempfile.mkdtemp(prefix=f".{self.path.name}.", dir=self.path.parent))
         except OSError as error:
-            raise BagError(f"{self.path}: cannot be made ({one_line(error)}); choose a writable place") from None
+            raise BagError(
+                f"{self.path}: cannot be made ({one_line(error)}); choose a writable place"
+            ) from None
         self._writer = Writer(
             self._workplace / self.path.name, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP
         )
@@ -142,7 +144,9 @@ class BagWriter:
         name, kind = "/" + topic.strip("/"), _type_name(message, topic)
         connection = self._connections.get(name) or self._connect(name, kind)
         if connection.msgtype != kind:
-            raise BagError(f"{self.path}: topic {name} holds {connection.msgtype}, got {kind}; use another topic")
+            raise BagError(
+                f"{self.path}: topic {name} holds {connection.msgtype}, got {kind}; use another topic"
+            )
         self._writer.write(connection, int(stamp_ns), _serialized(message, kind))
 
     def close(self) -> None:
@@ -156,7 +160,9 @@ class BagWriter:
             self._writer.close()
             (self._workplace / self.path.name).rename(self.path)
         except OSError as error:
-            raise BagError(f"{self.path}: cannot be finished ({one_line(error)}); is the disk full?") from None
+            raise BagError(
+                f"{self.path}: cannot be finished ({one_line(error)}); is the disk full?"
+            ) from None
         finally:
             self._writer = None
             self._remove_workplace()
@@ -193,7 +199,9 @@ def _type_name(message: Any, topic: str) -> str:
     if hasattr(kind, "get_fields_and_field_types"):
         package, interface = kind.__module__.split(".")[:2]
         return f"{package}/{interface}/{kind.__name__}"
-    raise BagError(f"topic {topic!r}: {kind.__name__} is no ROS message; give a message of rclpy or of rosbags")
+    raise BagError(
+        f"topic {topic!r}: {kind.__name__} is no ROS message; give a message of rclpy or of rosbags"
+    )
 
 
 def _serialized(message: Any, kind: str) -> bytes:
@@ -206,4 +214,4 @@ def _serialized(message: Any, kind: str) -> bytes:
 def _rclpy_serializer() -> Callable[[Any], bytes]:
     from rclpy.serialization import serialize_message  # only a process that holds such messages gets here
 
-    return serialize_message  # type: ignore[no-any-return]
+    return serialize_message
