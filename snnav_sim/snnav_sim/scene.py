@@ -47,7 +47,9 @@ def load_scene(path: Path | str) -> Scene:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         line = path.read_bytes()[: error.start].count(b"\n") + 1
-        raise SceneError(f"{path}:{line}: byte {error.object[error.start]:#04x} is no UTF-8: save as UTF-8") from None
+        raise SceneError(
+            f"{path}:{line}: byte {error.object[error.start]:#04x} is no UTF-8: save as UTF-8"
+        ) from None
     except OSError as error:
         raise SceneError(f"{path}: cannot be read ({error.strerror}): give an existing scene file") from None
     return parse_scene(text, str(path))

@@ -34,7 +34,9 @@ def check_scene(root: Field, scene: Scene) -> None:
     _check_speeds(entries, scene)
     if scene.recorded and (scene.movers or any(s.device != "recorded" for s in scene.sensors)):
         key = "movers" if scene.movers else "sensors"
-        entries[key].fail("beside recorded sensors", "a recorded scan cannot show simulated bodies: use one kind only")
+        entries[key].fail(
+            "beside recorded sensors", "a recorded scan cannot show simulated bodies: use one kind only"
+        )
 
 
 def _check_times(entries: dict[str, Field], scene: Scene) -> None:
@@ -42,11 +44,11 @@ def _check_times(entries: dict[str, Field], scene: Scene) -> None:
     if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6:
         # the control period may be defaulted: then the interval is what the user can see
         field = entries.get("control_period", entries["sampling_interval"])
-        best = scene.sampling_interval / max(1, round(ratio))
+        fitting = max(1, round(ratio)) * scene.control_period
         field.fail(
             f"sampling_interval {scene.sampling_interval:g} s is no whole multiple of control_period "
             f"{scene.control_period:g} s",
-            f"give a control_period that divides it, such as {best:g}",
+            f"give a control_period that divides it, or sampling_interval: {fitting:g}",
         )
 
 
@@ -57,7 +59,9 @@ def _check_ids(entries: dict[str, Field]) -> None:
             field = item.children()["id"]
             name = field.text()
             if name in seen:
-                field.fail(f"{name} is used twice (first in line {seen[name]})", "give every entry its own id")
+                field.fail(
+                    f"{name} is used twice (first in line {seen[name]})", "give every entry its own id"
+                )
             seen[name] = field.line
 
 
@@ -79,7 +83,9 @@ def _check_places(entries: dict[str, Field], scene: Scene) -> None:
 
     def check(field: Field, point: Point) -> None:
         if not inside(point):
-            field.fail(f"[{point[0]:g}, {point[1]:g}] lies outside the workspace", "move it inside the polygon")
+            field.fail(
+                f"[{point[0]:g}, {point[1]:g}] lies outside the workspace", "move it inside the polygon"
+            )
 
     solids = [_solid(shape) for shape in scene.obstacles]
     for item, sensor in zip(_items(entries, "sensors"), scene.sensors, strict=True):
@@ -121,5 +127,6 @@ def _check_overlap(entries: dict[str, Field], scene: Scene) -> None:
         for other in scene.robots[:index]:
             if math.dist(robot.start, other.start) < robot.radius + other.radius:
                 items[index].children()["start"].fail(
-                    f"[{robot.start[0]:g}, {robot.start[1]:g}] overlaps the disk of {other.id}", "move the start away"
+                    f"[{robot.start[0]:g}, {robot.start[1]:g}] overlaps the disk of {other.id}",
+                    "move the start away",
                 )

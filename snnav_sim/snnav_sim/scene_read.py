@@ -52,7 +52,9 @@ def read_scene(root: Field) -> Scene:
         sampling_interval=number("sampling_interval", 0.0, 0.0, 60.0, above=True),
         control_period=number("control_period", 0.05, 0.0, 1.0, above=True),
         time_window=entries["time_window"].whole(1, 1000) if "time_window" in entries else 4,
-        boundary_speed=entries["boundary_speed"].number("m/s", 0.0, 100.0) if "boundary_speed" in entries else 0.0,
+        boundary_speed=entries["boundary_speed"].number("m/s", 0.0, 100.0)
+        if "boundary_speed" in entries
+        else 0.0,
         safety_margin=entries["safety_margin"].number("m", 0.0, 100.0, above=True),
         time_limit=number("time_limit", 300.0, 0.0, 1e5, above=True),
         border=_workspace(entries["workspace"]),
@@ -67,7 +69,9 @@ def read_id(field: Field) -> str:
     """Return a name that is also a valid ROS name."""
     value = field.text()
     if not _ID.fullmatch(value):
-        field.fail(f"{field.quoted()} is no name", "use letters, digits and single underscores, a letter first")
+        field.fail(
+            f"{field.quoted()} is no name", "use letters, digits and single underscores, a letter first"
+        )
     if value in _RESERVED:
         field.fail(f"{value} is a reserved name", "choose another one")
     return value
@@ -110,7 +114,9 @@ def read_polygon(field: Field) -> Polygon:
     vertices = [item.point() for item in items]
     for item, vertex in zip(items, vertices, strict=True):
         if max(abs(vertex[0]), abs(vertex[1])) > _LARGEST:
-            item.fail(f"[{vertex[0]:g}, {vertex[1]:g}] is far away", f"give coordinates within {_LARGEST:g} m")
+            item.fail(
+                f"[{vertex[0]:g}, {vertex[1]:g}] is far away", f"give coordinates within {_LARGEST:g} m"
+            )
     if len(vertices) > 3 and vertices[0] == vertices[-1]:
         vertices.pop()
     if len(vertices) < 3:
@@ -140,7 +146,9 @@ def _mover(field: Field) -> Mover:
         for key in ("start", "velocity"):
             if key not in entries:
                 field.fail(f"key {key} is missing", f"add {key}: [x, y]")
-        return Mover(name, shape, start=entries["start"].point(), velocity=entries["velocity"].point("[vx, vy]"))
+        return Mover(
+            name, shape, start=entries["start"].point(), velocity=entries["velocity"].point("[vx, vy]")
+        )
     for key in ("waypoints", "speed"):
         if key not in entries:
             field.fail(f"key {key} is missing", "give waypoints and speed, or start and velocity")
@@ -157,7 +165,9 @@ def _waypoints(field: Field) -> tuple[Point, ...]:
     items = field.items("[[x, y], [x, y], ...]")
     points = [item.point() for item in items]
     if len(points) < 2:
-        field.fail(f"{len(points)} waypoints", "give at least two, or start and velocity: [0, 0] for a body at rest")
+        field.fail(
+            f"{len(points)} waypoints", "give at least two, or start and velocity: [0, 0] for a body at rest"
+        )
     for item, before, after in zip(items[1:], points, points[1:], strict=False):
         if math.dist(before, after) < 1e-6:
             item.fail("repeats the waypoint before it", "remove it")
@@ -197,7 +207,9 @@ def _range_limits(entries: dict[str, Field]) -> tuple[float, float]:
     range_max = entries["range_max"].number("m", 0.0, 1000.0, above=True)
     range_min = entries["range_min"].number("m", 0.0, 1000.0) if "range_min" in entries else 0.0
     if range_min >= range_max:
-        entries["range_min"].fail(f"{range_min:g} is not below range_max {range_max:g}", "give a smaller range_min")
+        entries["range_min"].fail(
+            f"{range_min:g} is not below range_max {range_max:g}", "give a smaller range_min"
+        )
     return range_min, range_max
 
 
@@ -206,17 +218,22 @@ def _simulated(entries: dict[str, Field]) -> SensorScene:
     step = entries["resolution_deg"].number("degrees", 0.0, 90.0, above=True)
     count = view / step
     if abs(count - round(count)) > 1e-6 or round(count) < 1:
-        remedy = f"give a resolution_deg that divides field_of_view_deg {view:g}, such as {view / max(1, round(count)):g}"
-        entries["resolution_deg"].fail(f"{step:g} does not divide the field of view", remedy)
+        fitting = f"{max(1, round(count)) * step:g}"
+        remedy = f"give a resolution_deg that divides it, or field_of_view_deg: {fitting}"
+        entries["resolution_deg"].fail(f"{step:g} does not divide field_of_view_deg {view:g}", remedy)
     if count > _MOST_BEAMS:
-        entries["resolution_deg"].fail(f"{count:.0f} beams", f"give a coarser resolution (at most {_MOST_BEAMS} beams)")
+        entries["resolution_deg"].fail(
+            f"{count:.0f} beams", f"give a coarser resolution (at most {_MOST_BEAMS} beams)"
+        )
     range_min, range_max = _range_limits(entries)
     codes = entries["error_codes"].flag() if "error_codes" in entries else False
     no_return = "unknown" if codes else "free"
     if "no_return" in entries:
         no_return = entries["no_return"].choice(("free", "unknown"))
         if codes and no_return == "free":
-            entries["no_return"].fail("free beside error_codes: true", "an error code is unknown, write unknown")
+            entries["no_return"].fail(
+                "free beside error_codes: true", "an error code is unknown, write unknown"
+            )
     return SensorScene(
         id=read_id(entries["id"]),
         device="lms200",
@@ -247,7 +264,8 @@ def _recorded(entries: dict[str, Field]) -> SensorScene:
     view = step * (len(ranges) - 1)
     if view > 360.0 + 1.001 * step:
         entries["ranges"].fail(
-            f"{len(ranges)} ranges at {step:g} degrees are more than one turn", "correct resolution_deg or the ranges"
+            f"{len(ranges)} ranges at {step:g} degrees are more than one turn",
+            "correct resolution_deg or the ranges",
         )
     range_min, range_max = _range_limits(entries)
     return SensorScene(
@@ -262,7 +280,9 @@ def _recorded(entries: dict[str, Field]) -> SensorScene:
         range_min=range_min,
         no_return=entries["no_return"].choice(("free", "unknown")) if "no_return" in entries else "unknown",
         ranges=ranges,
-        range_cut=entries["range_cut"].number("m", 0.0, range_max, above=True) if "range_cut" in entries else None,
+        range_cut=entries["range_cut"].number("m", 0.0, range_max, above=True)
+        if "range_cut" in entries
+        else None,
     )
 
 

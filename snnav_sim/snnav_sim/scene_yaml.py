@@ -45,13 +45,19 @@ def read_document(text: str, source: str) -> Field:
         mark = error.problem_mark or error.context_mark
         line = 1 if mark is None else mark.line + 1
         problem = " ".join(str(error.problem or error.context).split())
-        raise SceneError(f"{source}:{line}: not valid YAML ({problem}): correct the syntax at this line") from None
+        raise SceneError(
+            f"{source}:{line}: not valid YAML ({problem}): correct the syntax at this line"
+        ) from None
     except (yaml.YAMLError, RecursionError) as error:
-        raise SceneError(f"{source}:1: not valid YAML ({' '.join(str(error).split())}): save it as UTF-8") from None
+        raise SceneError(
+            f"{source}:1: not valid YAML ({' '.join(str(error).split())}): save it as UTF-8"
+        ) from None
     if node is None:
         raise SceneError(f"{source}:1: the file is empty: write a scene, see docs/scene-format.md")
     if not isinstance(node, yaml.MappingNode):
-        raise SceneError(f"{source}:{node.start_mark.line + 1}: the file is no mapping: start with `name: ...`")
+        raise SceneError(
+            f"{source}:{node.start_mark.line + 1}: the file is no mapping: start with `name: ...`"
+        )
     return Field(node, source, "")
 
 
@@ -138,11 +144,17 @@ class Field:
         """Return a string of one line (a folded block counts as one); it may be empty only if told so."""
         if not isinstance(self._node, yaml.ScalarNode) or self._node.tag.endswith(":null"):
             self.fail(f"{self.quoted()} is no text", "write a word or a line in quotes")
-        value = " ".join(str(self._node.value).split()) if self._node.style in ("|", ">") else str(self._node.value)
+        value = (
+            " ".join(str(self._node.value).split())
+            if self._node.style in ("|", ">")
+            else str(self._node.value)
+        )
         if value == "" and may_be_empty:
             return value
         if not value.strip() or not value.isprintable():
-            self.fail("the text is empty, has several lines or unprintable characters", "write one line of text")
+            self.fail(
+                "the text is empty, has several lines or unprintable characters", "write one line of text"
+            )
         return value
 
     def flag(self) -> bool:
@@ -161,7 +173,7 @@ class Field:
     def any_number(self, unit: str) -> float:
         """Return a number, which may be ``.nan`` or ``.inf`` (a recorded range may)."""
         node = self._node
-        if isinstance(node, yaml.ScalarNode) and node.style is None:
+        if isinstance(node, yaml.ScalarNode) and not node.style:
             text = str(node.value)
             if text.lower() in _SPECIAL:
                 return _SPECIAL[text.lower()]
@@ -169,7 +181,9 @@ class Field:
                 return float(text)
         self.fail(f"{self.quoted()} is no number", f"write a plain number [{unit}] without unit or quotes")
 
-    def number(self, unit: str, least: float = -math.inf, most: float = math.inf, above: bool = False) -> float:
+    def number(
+        self, unit: str, least: float = -math.inf, most: float = math.inf, above: bool = False
+    ) -> float:
         """Return a finite number in [least, most], or in (least, most] when `above` is set."""
         value = self.any_number(unit)
         low_ok = value > least if above else value >= least
