@@ -17,7 +17,7 @@ setup(
     maintainer="snnav maintainers",
     maintainer_email="snnav-maintainers@example.org",
     python_requires=">=3.11",
-    packages=find_packages(exclude=["test"]),
+    packages=find_packages(),
     package_data={PACKAGE: ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
