@@ -13,6 +13,7 @@ setup(
     maintainer="snnav maintainers",
     maintainer_email="snnav-maintainers@example.org",
     python_requires=">=3.11",
+    package_dir={"": "."},  # said in so many words, pip links an editable installation by a plain .pth
     packages=find_packages(),
     package_data={PACKAGE: ["py.typed"]},
     data_files=[
