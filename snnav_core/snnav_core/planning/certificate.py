@@ -16,7 +16,7 @@ from shapely.geometry import MultiPolygon
 from snnav_core.errors import InvalidInput
 from snnav_core.types import Certificate, FloatArray, Pose2D, RobotSpec, TimedPath
 
-__all__ = ["BoundaryIndex", "CertificateSettings", "OtherRobot", "certify"]
+__all__ = ["BoundaryIndex", "CertificateSettings", "OtherRobot", "certify", "separation_fault"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,22 +75,20 @@ class BoundaryIndex:
     """Distances from segments to the boundary of an area, and whether points lie inside, by shapely."""
 
     def __init__(self, region: MultiPolygon) -> None:
-        self.region = region
-        self._prepared = region
-        shapely.prepare(self._prepared)
-        coordinates, rings = [], []
-        for index, ring in enumerate(shapely.get_rings(region)):
+        self._region = region
+        shapely.prepare(self._region)
+        links = []
+        for ring in shapely.get_rings(shapely.get_parts(region)):
             points = shapely.get_coordinates(ring)
-            coordinates.append(np.stack((points[:-1], points[1:]), axis=1))
-            rings.append(index)
-        self._pieces = shapely.linestrings(np.concatenate(coordinates)) if coordinates else np.empty(0, dtype=object)
+            links.append(np.stack((points[:-1], points[1:]), axis=1))
+        self._pieces = shapely.linestrings(np.concatenate(links)) if links else np.empty(0, dtype=object)
         self._tree = shapely.STRtree(self._pieces)
 
     def distances(self, segments: FloatArray) -> FloatArray:
         """Distance of segments (N, 2, 2) [m, map] to the boundary [m]; 0 where a segment is not inside the area."""
         if len(self._pieces) == 0 or len(segments) == 0:
             return np.zeros(len(segments))
-        inside = shapely.contains_xy(self._prepared, segments[:, 0, 0], segments[:, 0, 1])
+        inside = shapely.contains_xy(self._region, segments[:, 0, 0], segments[:, 0, 1])
         # A point has no line string: give every segment some length, far below any tolerance.
         degenerate = np.all(segments[:, 0] == segments[:, 1], axis=1)
         lines = segments.copy()
@@ -150,7 +148,7 @@ def certify(
     reason = check.geometry_fault(radius)
     clearance_until, clearance, clearance_fault = check.clearance()
     separation_until, separation, separation_fault = check.separation()
-    safe_until = min(clearance_until, separation_until)
+    safe_until = max(path.start_time, min(clearance_until, separation_until, check.window_end))
     whole = math.floor((safe_until - path.start_time) / settings.sampling_interval + 1e-9)
     window = min(settings.time_window, whole)
     if not reason and window < least_window:
@@ -160,7 +158,7 @@ def certify(
     return Certificate(
         robot_id=robot.id,
         accepted=not reason,
-        valid_until=path.start_time + max(window, 0) * settings.sampling_interval,
+        valid_until=path.start_time + window * settings.sampling_interval,
         least_clearance=clearance,
         least_separation=separation,
         least_radius=radius,
@@ -255,7 +253,9 @@ class _Check:
             return "the first link has no length"
         angle = abs(math.remainder(math.atan2(direction[1], direction[0]) - self.pose.heading, 2.0 * math.pi))
         radius = self.settings.radius_factor * self.robot.min_turn_radius
-        limit = math.asin(min(1.0, length / (2.0 * radius)))
+        # A path of one short link ends before its direction matters.
+        reach = length if len(self.path) > 2 else max(length, self.robot.speed * self.path.step)
+        limit = math.asin(min(1.0, reach / (2.0 * radius)))
         if angle > limit + 1e-6:
             return f"the path starts {math.degrees(angle):.1f} deg off the heading, allowed {math.degrees(limit):.1f} deg"
         return ""
@@ -316,21 +316,39 @@ class _Check:
 
     def separation(self) -> tuple[float, float, str]:
         """Until when the margin to other robots holds [s], the least distance to their disks [m], what fails then."""
-        until, least, fault = math.inf, math.inf, ""
-        for other in self.others:
-            times, distances = _approach(self.path, other.path, self.window_end)
-            distances = distances - other.radius
-            least = min(least, float(distances.min()))
-            present = float(np.linalg.norm(other.path.positions_at(np.array([self.path.start_time]))[0] - self.points[0]))
-            limit = min(self.settings.safety_margin, present - other.radius)
-            failing = np.flatnonzero(distances < limit - 1e-9)
-            if len(failing) and times[failing[0]] < until:
-                until = float(times[failing[0]])
-                fault = (
-                    f"comes within {distances[failing[0]]:.3f} m of robot {other.id} after "
-                    f"{until - self.path.start_time:.2f} s, margin {limit:.3f} m"
-                )
-        return until, least, fault
+        return _separation(self.path, self.others, self.window_end, self.settings.safety_margin)
+
+
+def separation_fault(
+    path: TimedPath, others: Sequence[OtherRobot], end: float, safety_margin: float
+) -> tuple[float, str]:
+    """Least distance [m] of a path to the disks of other robots up to time `end` [s], and what violates the margin.
+
+    The second value is empty when the margin [m] holds.
+    """
+    _, least, fault = _separation(path, others, end, safety_margin)
+    return least, fault
+
+
+def _separation(
+    path: TimedPath, others: Sequence[OtherRobot], end: float, safety_margin: float
+) -> tuple[float, float, str]:
+    until, least, fault = math.inf, math.inf, ""
+    for other in others:
+        times, distances = _approach(path, other.path, end)
+        distances = distances - other.radius
+        least = min(least, float(distances.min()))
+        present = float(np.linalg.norm(other.path.positions_at(np.array([path.start_time]))[0] - path.points[0]))
+        # Robots that stand too near already may only part.
+        limit = min(safety_margin, present - other.radius)
+        failing = np.flatnonzero(distances < limit - 1e-9)
+        if len(failing) and times[failing[0]] < until:
+            until = float(times[failing[0]])
+            fault = (
+                f"comes within {distances[failing[0]]:.3f} m of robot {other.id} after "
+                f"{until - path.start_time:.2f} s, margin {limit:.3f} m"
+            )
+    return until, least, fault
 
 
 def _approach(first: TimedPath, second: TimedPath, end: float) -> tuple[FloatArray, FloatArray]:

@@ -1,0 +1,114 @@
+"""One attempt: adjust a chain of points to a path and have it certified."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from snnav_core.navigator.context import AreaContext
+from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
+from snnav_core.planning.adjustment import adjust, resample
+from snnav_core.planning.certificate import OtherRobot, certify
+from snnav_core.planning.fields import Barrier, BoundaryBarrier, CircleBarrier, DiskBarrier
+from snnav_core.planning.shortest import initial_circles
+from snnav_core.types import Certificate, FloatArray, PathSource, PlannedPath, Pose2D, RobotSpec, TimedPath
+
+__all__ = ["Attempt", "margin_profiles"]
+
+
+def margin_profiles(
+    distances: RobotDistances, settings: NavigatorSettings, robot: RobotSpec, route_distance: float, present: float
+) -> list[FloatArray]:
+    """Distances to plan for at p_1, p_2, ... [m], the preferred profile first; the last value holds beyond.
+
+    The first grows with V_max over the whole window and keeps the planned turning radius where the way allows; the
+    second never asks for more than the way to the target allows (the certificate then tells the shorter window).
+    A robot that stands nearer than demanded is led away, not torn away (C3-13).
+    """
+    demanded = distances.demanded()
+    wide = np.maximum(demanded, min(distances.turn_radius, route_distance))
+    wide = np.append(wide, route_distance)
+    slope = min(1.0, settings.boundary_speed / robot.speed + 0.3)
+    climb = present + slope * distances.link * np.arange(1, len(wide) + 1)
+    wide = np.minimum(wide, np.maximum(climb, 0.0))
+    narrow = np.minimum(wide, route_distance)
+    return [wide] if np.array_equal(wide, narrow) else [wide, narrow]
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """All that adjusting and certifying a path of one robot needs in one step."""
+
+    context: AreaContext
+    robot: RobotSpec
+    pose: Pose2D
+    target: FloatArray
+    time: float
+    others: Sequence[OtherRobot]
+    distances: RobotDistances
+    settings: NavigatorSettings
+    planning_distance: float
+
+    def adjusted(
+        self, points: FloatArray, rotation: int, margins: FloatArray, max_passes: int, source: PathSource
+    ) -> PlannedPath:
+        """Adjust points (N, 2) [m, map] that start at the robot; the certificate tells whether the path is any good."""
+        link = self.distances.link
+        longest = 3 * len(points) + 200
+        result = adjust(
+            points, self.target, link, self._barriers(rotation, margins), self.settings.adjustment, max_passes, longest
+        )
+        chain = self._evenly(result.points)
+        if float(np.linalg.norm(chain[-1] - self.target)) > 1e-3:
+            chain = np.vstack((chain, self.target))
+        return self.planned(TimedPath(self.time, self.distances.step, chain), source)
+
+    def _evenly(self, points: FloatArray) -> FloatArray:
+        links = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        if len(links) and np.abs(links - self.distances.link).max() > 0.005 * self.distances.link:
+            return resample(points, self.distances.link)
+        return points
+
+    def _barriers(self, rotation: int, margins: FloatArray) -> list[Barrier]:
+        radius, link = self.distances.circle_radius, self.distances.link
+        left, right = initial_circles(self.pose, radius)
+        own, opposite = (left, right) if rotation > 0 else (right, left)
+        around = math.ceil(2.0 * math.pi * radius / link)
+        barriers: list[Barrier] = [BoundaryBarrier(self.context.area.clearance_field.query, margins)]
+        clearance = self.settings.safety_margin + self.settings.planning_reserve
+        for other in self.others:
+            times = self.time + self.distances.step * np.arange(1, self.distances.window_points + 1)
+            centres = other.path.positions_at(times)[:, :2]
+            distance = math.hypot(other.radius + clearance, 0.5 * link + 0.5 * _longest_link(centres))
+            barriers.append(DiskBarrier(centres, distance))
+        barriers.append(CircleBarrier(opposite.centre, opposite.radius, math.ceil(around / 4)))
+        barriers.append(CircleBarrier(own.centre, own.radius, around))
+        return barriers
+
+    def planned(self, path: TimedPath, source: PathSource) -> PlannedPath:
+        """Attach the certificate to a path."""
+        return PlannedPath(self.robot.id, path, self.certificate(path), source, self.planning_distance)
+
+    def certificate(self, path: TimedPath) -> Certificate:
+        """Independent check against the present area and the other robots."""
+        return certify(
+            path,
+            self.robot,
+            self.pose,
+            self.context.boundary,
+            self.context.area.stamp,
+            self.others,
+            self.settings.certificate,
+        )
+
+    def is_full(self, plan: PlannedPath) -> bool:
+        """Whether a plan is certified for the whole time window."""
+        window = self.settings.time_window * self.settings.sampling_interval
+        return plan.certificate.accepted and plan.certificate.valid_until >= self.time + window - 1e-6
+
+
+def _longest_link(centres: FloatArray) -> float:
+    return float(np.linalg.norm(np.diff(centres, axis=0), axis=1).max()) if len(centres) > 1 else 0.0

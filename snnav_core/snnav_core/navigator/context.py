@@ -1,0 +1,99 @@
+"""What is computed once per unoccupied area and shared by all robots: reductions, curves, goal trees."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import cached_property
+
+import numpy as np
+import shapely
+from shapely.geometry import MultiPolygon
+
+from snnav_core.area.planar import UnoccupiedArea, as_multipolygon, component_at, reduce_area, remove_disks
+from snnav_core.planning.certificate import BoundaryIndex
+from snnav_core.planning.curves import AreaCurves
+from snnav_core.planning.shortest import GoalTree
+from snnav_core.types import FloatArray
+
+__all__ = ["AreaContext", "Disks"]
+
+Disks = tuple[tuple[float, float, float], ...]
+"""Disks of standing robots: x, y, radius [m, map]; a hashable value."""
+
+
+class AreaContext:
+    """One unoccupied area with everything that was derived from it.
+
+    Parameters
+    ----------
+    area : UnoccupiedArea
+    simplification : float
+        For the reductions [m], see `reduce_area`.
+    """
+
+    def __init__(self, area: UnoccupiedArea, simplification: float) -> None:
+        self.area = area
+        self._simplification = simplification
+        self._reduced: dict[float, MultiPolygon] = {}
+        self._without: dict[tuple[float, Disks], MultiPolygon] = {}
+        self._curves: dict[bytes, AreaCurves] = {}
+        self._trees: dict[tuple[int, float, float], GoalTree] = {}
+
+    @cached_property
+    def digest(self) -> bytes:
+        """Identifies the region: equal for equal rings."""
+        content = hashlib.sha256()
+        for ring in self.area.rings:
+            content.update(len(ring).to_bytes(8, "little"))
+            content.update(ring.tobytes())
+        return content.digest()
+
+    @cached_property
+    def boundary(self) -> BoundaryIndex:
+        """For the certificate check."""
+        return BoundaryIndex(self.area.region)
+
+    def clearance(self, point: FloatArray) -> float:
+        """Signed distance of one point (2,) [m, map] to the boundary [m]."""
+        return float(self.area.clearance(np.asarray(point)[None])[0])
+
+    def region(self, distance: float, disks: Disks) -> MultiPolygon:
+        """The area reduced by `distance` [m], without the disks of standing robots."""
+        key = round(distance, 6)
+        if key not in self._reduced:
+            self._reduced[key] = reduce_area(self.area.region, distance, self._simplification)
+        if not disks:
+            return self._reduced[key]
+        if (key, disks) not in self._without:
+            values = np.array(disks)
+            self._without[key, disks] = remove_disks(self._reduced[key], values[:, :2], values[:, 2])
+        return self._without[key, disks]
+
+    def curves(self, distance: float, disks: Disks, target: FloatArray) -> AreaCurves | None:
+        """Curves of the component of the reduced area that holds the target (2,) [m, map], or None."""
+        polygon = component_at(self.region(distance, disks), target)
+        if polygon is None:
+            return None
+        key = shapely.to_wkb(polygon)
+        if key not in self._curves:
+            self._curves[key] = AreaCurves(polygon)
+        return self._curves[key]
+
+    def goal_tree(self, curves: AreaCurves, target: FloatArray) -> GoalTree:
+        """Shortest distances to the target (2,) [m, map] over the curves."""
+        key = (id(curves), float(target[0]), float(target[1]))
+        if key not in self._trees:
+            self._trees[key] = GoalTree(curves, target)
+        return self._trees[key]
+
+    def nearest_inside(self, point: FloatArray, distance: float, disks: Disks) -> FloatArray | None:
+        """Point of the reduced area nearest to the given one, (2,) [m, map]; None when nothing is left."""
+        region = as_multipolygon(self.region(distance, disks))
+        if region.is_empty:
+            return None
+        line = shapely.shortest_line(region, shapely.points(point))
+        nearest = np.asarray(shapely.get_coordinates(line)[0])
+        # A hair inwards, so that it is covered in spite of rounding.
+        away = nearest - point
+        length = float(np.linalg.norm(away))
+        return nearest + away / length * 1e-6 if length > 0.0 else nearest
