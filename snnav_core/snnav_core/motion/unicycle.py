@@ -25,7 +25,9 @@ def clip_turn_rate(turn_rate: float, max_turn_rate: float) -> float:
     return min(max(turn_rate, -max_turn_rate), max_turn_rate)
 
 
-def integrate_unicycle(poses: FloatArray, speed: FloatArray, turn_rate: FloatArray, dt: float) -> FloatArray:
+def integrate_unicycle(
+    poses: FloatArray, speed: FloatArray | float, turn_rate: FloatArray | float, dt: float
+) -> FloatArray:
     """Move unicycles along exact arcs for one period.
 
     Parameters
@@ -80,12 +82,7 @@ def step_unicycle(pose: Pose2D, speed: float, turn_rate: float, dt: float) -> Po
     >>> round(pose.x, 9), round(pose.y, 9)
     (2.0, 2.0)
     """
-    half_turn = 0.5 * turn_rate * dt
-    sinc = math.sin(half_turn) / half_turn if half_turn != 0.0 else 1.0
-    chord = speed * dt * sinc
-    direction = pose.heading + half_turn
-    return Pose2D(
-        pose.x + chord * math.cos(direction),
-        pose.y + chord * math.sin(direction),
-        wrap_angle(pose.heading + 2.0 * half_turn),
-    )
+    x, y, heading = integrate_unicycle(
+        np.array((pose.x, pose.y, pose.heading)), speed, turn_rate, dt
+    ).tolist()
+    return Pose2D(x, y, wrap_angle(heading))
