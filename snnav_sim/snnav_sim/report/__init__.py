@@ -1,0 +1,1 @@
+"""What a run was worth: records, metrics against ground truth, tables, figures, run directories."""
