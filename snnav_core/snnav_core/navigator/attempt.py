@@ -24,18 +24,24 @@ def margin_profiles(
 ) -> list[FloatArray]:
     """Distances to plan for at p_1, p_2, ... [m], the preferred profile first; the last value holds beyond.
 
-    The first grows with V_max over the whole window and keeps the planned turning radius where the way allows; the
-    second never asks for more than the way to the target allows (the certificate then tells the shorter window).
+    1. The same distance everywhere. A distance that grows along the path lets the near points cut a corner that the
+       far ones have to round, and the path kinks where they meet.
+    2. The distance that the certificate demands, growing with V_max over the window, and the planned turning radius.
+    3. The second, never more than the way to the target allows; the certificate then tells the shorter window.
+
     A robot that stands nearer than demanded is led away, not torn away (C3-13).
     """
-    demanded = distances.demanded()
-    wide = np.maximum(demanded, min(distances.turn_radius, route_distance))
-    wide = np.append(wide, route_distance)
+    demanded = np.append(distances.demanded(), route_distance)
+    growing = np.maximum(demanded, min(distances.turn_radius, route_distance))
+    constant = np.maximum(demanded, route_distance)
     slope = min(1.0, settings.boundary_speed / robot.speed + 0.3)
-    climb = present + slope * distances.link * np.arange(1, len(wide) + 1)
-    wide = np.minimum(wide, np.maximum(climb, 0.0))
-    narrow = np.minimum(wide, route_distance)
-    return [wide] if np.array_equal(wide, narrow) else [wide, narrow]
+    climb = present + slope * distances.link * np.arange(1, len(demanded) + 1)
+    profiles: list[FloatArray] = []
+    for profile in (constant, growing, np.minimum(growing, route_distance)):
+        limited = np.minimum(profile, np.maximum(climb, 0.0))
+        if not any(np.array_equal(limited, other) for other in profiles):
+            profiles.append(limited)
+    return profiles
 
 
 @dataclass(frozen=True)
@@ -61,15 +67,17 @@ class Attempt:
         result = adjust(
             points, self.target, link, self._barriers(rotation, margins), self.settings.adjustment, max_passes, longest
         )
-        chain = self._evenly(result.points)
-        if float(np.linalg.norm(chain[-1] - self.target)) > 1e-3:
-            chain = np.vstack((chain, self.target))
+        chain = self._evenly(np.vstack((result.points, self.target)))
         return self.planned(TimedPath(self.time, self.distances.step, chain), source)
 
-    def _evenly(self, points: FloatArray) -> FloatArray:
-        links = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        if len(links) and np.abs(links - self.distances.link).max() > 0.005 * self.distances.link:
-            return resample(points, self.distances.link)
+    def _evenly(self, chain: FloatArray) -> FloatArray:
+        """Points at the link length along a chain, and its end; as they are when they lie so within 0.5 %."""
+        links, link = np.linalg.norm(np.diff(chain, axis=0), axis=1), self.distances.link
+        if len(links) > 1 and np.abs(links[:-1] - link).max() <= 0.005 * link and 1e-3 < links[-1] <= link:
+            return chain
+        points = resample(chain, link)
+        if float(np.linalg.norm(points[-1] - chain[-1])) > 1e-3 or len(points) < 2:
+            points = np.vstack((points, chain[-1]))
         return points
 
     def _barriers(self, rotation: int, margins: FloatArray) -> list[Barrier]:
@@ -87,6 +95,10 @@ class Attempt:
         barriers.append(CircleBarrier(opposite.centre, opposite.radius, math.ceil(around / 4)))
         barriers.append(CircleBarrier(own.centre, own.radius, around))
         return barriers
+
+    def kept(self, chain: FloatArray) -> PlannedPath:
+        """The rest of an earlier path (N, 2) [m, map], from the robot on, as it is."""
+        return self.planned(TimedPath(self.time, self.distances.step, self._evenly(chain)), PathSource.LAST_PATH)
 
     def planned(self, path: TimedPath, source: PathSource) -> PlannedPath:
         """Attach the certificate to a path."""

@@ -239,13 +239,15 @@ class GroundNavigator:
         """The last path, shifted to the robot and adjusted again."""
         if memory.plan is None or memory.plan.path.turn_to is not None:
             return None
-        points = _remainder(memory.plan.path, attempt.pose, attempt.distances.link)
-        if points is None:
+        chain = _remainder(memory.plan.path, attempt.pose, attempt.distances.link)
+        if chain is None:
             return None
-        rotation = _side(points, attempt.pose)
+        points = resample(chain, attempt.distances.link)
+        rotation = _side(chain, attempt.pose)
         best: PlannedPath | None = None
         profiles = self._profiles(attempt, memory.plan.planning_distance)
-        order = range(len(profiles)) if memory.profile == 0 or memory.steps_since_search < 0 else reversed(range(len(profiles)))
+        first = 0 if memory.steps_since_search == 0 else min(memory.profile, len(profiles) - 1)
+        order = [first, *(index for index in range(len(profiles)) if index != first)]
         for index in order:
             plan = attempt.adjusted(
                 points, rotation, profiles[index], self.settings.adjustment.warm_passes, PathSource.WARM_START
@@ -337,11 +339,10 @@ class GroundNavigator:
         """The last path as it is, while it verifies for at least one sampling interval (C3-14)."""
         if memory.plan is None or memory.plan.path.turn_to is not None:
             return None
-        points = _remainder(memory.plan.path, attempt.pose, attempt.distances.link)
-        if points is None:
+        chain = _remainder(memory.plan.path, attempt.pose, attempt.distances.link)
+        if chain is None:
             return None
-        path = TimedPath(attempt.time, attempt.distances.step, points)
-        plan = attempt.planned(path, PathSource.LAST_PATH)
+        plan = attempt.kept(chain)
         return plan if plan.certificate.accepted else None
 
     def _turn(self, attempt: Attempt, route: Route | None) -> PlannedPath | None:
@@ -397,7 +398,7 @@ def _better(best: PlannedPath | None, plan: PlannedPath) -> PlannedPath | None:
 
 
 def _remainder(path: TimedPath, pose: Pose2D, link: float) -> FloatArray | None:
-    """The part of a path that lies ahead of the robot, evenly spaced from the robot on; None at its end."""
+    """The part of a path that lies ahead of the robot, from the robot on; None at its end."""
     points = np.asarray(path.points)
     if len(points) < 2:
         return None
@@ -413,9 +414,7 @@ def _remainder(path: TimedPath, pose: Pose2D, link: float) -> FloatArray | None:
         ahead = ahead[1:]
     if len(ahead) == 0:
         return None
-    chain = np.vstack((position, ahead))
-    points = resample(chain, link)
-    return points if len(points) > 1 else chain[[0, -1]]
+    return np.vstack((position, ahead))
 
 
 def _side(points: FloatArray, pose: Pose2D) -> int:
