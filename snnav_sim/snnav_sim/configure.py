@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from snnav_core.area.fusion import FusionSettings, PlanarSensor
+from snnav_core.navigator.settings import NavigatorSettings
 from snnav_core.sensing.scan import LMS200_ERROR_CODES, ScanSettings
 from snnav_sim.scene_types import Scene, SensorScene
 
-__all__ = ["fusion_settings", "planar_sensor", "scan_settings"]
+__all__ = ["fusion_settings", "navigator_settings", "planar_sensor", "scan_settings"]
 
 _NOISE_ALLOWANCE = 0.02
 
@@ -36,3 +37,13 @@ def planar_sensor(sensor: SensorScene) -> PlanarSensor:
 def fusion_settings(scene: Scene) -> FusionSettings:
     """Return the settings of the fusion: the speed bound, and scans usable until the next but one is missed."""
     return FusionSettings(boundary_speed=scene.boundary_speed, max_scan_age=1.5 * scene.sampling_interval)
+
+
+def navigator_settings(scene: Scene) -> NavigatorSettings:
+    """Return the settings of the navigator."""
+    return NavigatorSettings(
+        sampling_interval=scene.sampling_interval,
+        safety_margin=scene.safety_margin,
+        time_window=scene.time_window,
+        boundary_speed=scene.boundary_speed,
+    )

@@ -87,7 +87,9 @@ def _common_component(
         where = shapely.Point(point)
         home = {i for i, polygon in enumerate(polygons) if polygon.distance(where) <= _ON_BORDER}
         if not home:
-            raise failure(f"point ({point[0]:.3f}, {point[1]:.3f}) lies outside the region: choose another one")
+            raise failure(
+                f"point ({point[0]:.3f}, {point[1]:.3f}) lies outside the region: choose another one"
+            )
         homes.append(home)
     common = homes[0] & homes[1]
     if not common:
@@ -113,7 +115,9 @@ def _outline(polygon: shapely.Polygon) -> tuple[FloatArray, FloatArray, FloatArr
     return np.concatenate(segments), np.concatenate(corners), np.concatenate(before), np.concatenate(after)
 
 
-def _search(nodes: FloatArray, before: FloatArray, after: FloatArray, segments: FloatArray) -> NDArray[np.int64]:
+def _search(
+    nodes: FloatArray, before: FloatArray, after: FloatArray, segments: FloatArray
+) -> NDArray[np.int64]:
     """Return the parent of every node on the shortest path from node 0; -1 for none (A* towards node 1)."""
     count = len(nodes)
     cost = np.full(count, np.inf)
@@ -166,7 +170,12 @@ def _sees(nodes: FloatArray, node: int, others: NDArray[np.int64], segments: Flo
             continue
         dx, dy = dx / length, dy / length
         for s in range(segments.shape[0]):
-            px, py, qx, qy = segments[s, 0] - ax, segments[s, 1] - ay, segments[s, 2] - ax, segments[s, 3] - ay
+            px, py, qx, qy = (
+                segments[s, 0] - ax,
+                segments[s, 1] - ay,
+                segments[s, 2] - ax,
+                segments[s, 3] - ay,
+            )
             p_side, q_side = dx * py - dy * px, dx * qy - dy * qx
             if (p_side > _TOUCH and q_side > _TOUCH) or (p_side < -_TOUCH and q_side < -_TOUCH):
                 continue

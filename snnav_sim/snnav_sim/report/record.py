@@ -1,0 +1,104 @@
+"""What happened in a run: ground truth of the robots, published paths and stops, times of the steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from snnav_core.types import FloatArray, PlannedPath, Pose2D, Stop, TimedPath, VelocityCommand
+
+__all__ = ["Decision", "RunRecord"]
+
+
+@dataclass(frozen=True)
+class Decision:
+    """A published path or stop.
+
+    Parameters
+    ----------
+    time : float
+        Sampling instant [s].
+    robot : str
+    path : TimedPath or None
+        None for a stop.
+    reason : str
+        Why the robot stops, as the value of a StopReason; empty for a path.
+    message : str
+        The same in words; empty for a path.
+    planning_distance : float or None
+        Distance to the boundary that the path was planned for [m], where known.
+    source : str
+        Where the path comes from, where known.
+    """
+
+    time: float
+    robot: str
+    path: TimedPath | None
+    reason: str = ""
+    message: str = ""
+    planning_distance: float | None = None
+    source: str = ""
+
+    @classmethod
+    def of(cls, time: float, decision: PlannedPath | Stop) -> Decision:
+        """Return what a navigator decided at a sampling instant [s]."""
+        if isinstance(decision, Stop):
+            return cls(time, decision.robot_id, None, decision.reason.value, decision.message)
+        return cls(
+            time,
+            decision.robot_id,
+            decision.path,
+            planning_distance=decision.planning_distance,
+            source=decision.source.value,
+        )
+
+
+@dataclass
+class RunRecord:
+    """Filled while a run goes on, by the closed loop without ROS or from the topics of the nodes.
+
+    Parameters
+    ----------
+    seed : int
+        The seed that was used.
+    samples : dict
+        Robot id -> rows (time, x, y, heading, speed, turn_rate): ground truth, one per control period, with the
+        motion that begins at that time [s, m, rad, m/s, rad/s].
+    decisions : list of Decision
+        In order of publication.
+    planner_seconds, fusion_seconds : list of float
+        Duration of every step [s].
+    reason : str
+        Why the run ended.
+    versions : dict
+        Versions beyond those of the core, such as the middleware.
+    """
+
+    seed: int
+    samples: dict[str, list[tuple[float, float, float, float, float, float]]] = field(default_factory=dict)
+    decisions: list[Decision] = field(default_factory=list)
+    planner_seconds: list[float] = field(default_factory=list)
+    fusion_seconds: list[float] = field(default_factory=list)
+    reason: str = ""
+    versions: dict[str, str] = field(default_factory=dict)
+
+    def add_sample(self, robot: str, time: float, pose: Pose2D, motion: VelocityCommand) -> None:
+        """Note where a robot is at a time [s] and how it moves from there."""
+        row = (time, pose.x, pose.y, pose.heading, motion.speed, motion.turn_rate)
+        self.samples.setdefault(robot, []).append(row)
+
+    def trajectory(self, robot: str) -> FloatArray:
+        """Return the rows of a robot, shape (N, 6): time, x, y, heading, speed, turn_rate."""
+        return np.array(self.samples.get(robot, []), dtype=np.float64).reshape(-1, 6)
+
+    def decisions_of(self, robot: str) -> list[Decision]:
+        """Return the paths and stops of one robot in order."""
+        return [decision for decision in self.decisions if decision.robot == robot]
+
+    def digests(self) -> list[str]:
+        """Return one line per decision: time, robot, digest of the path or the reason of the stop."""
+        return [
+            f"{decision.time:.9f} {decision.robot} {decision.path.digest() if decision.path else decision.reason}"
+            for decision in self.decisions
+        ]

@@ -1,0 +1,133 @@
+"""The closed loop without ROS: scans, area, decision, tracking and motion of a scene."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable
+
+from snnav_core.area.fusion import AreaFusion
+from snnav_core.navigator.ground import GroundNavigator
+from snnav_core.tracking.planar import PlanarTracker, TrackerSettings
+from snnav_core.types import PlannedPath, RobotState, StepResult, Stop, StopReason
+from snnav_sim.configure import fusion_settings, navigator_settings, planar_sensor
+from snnav_sim.devices import make_device
+from snnav_sim.devices.base import PioneerBase
+from snnav_sim.ending import EndWatch
+from snnav_sim.report.record import Decision, RunRecord
+from snnav_sim.scene_types import RobotScene, Scene
+from snnav_sim.world import World
+
+__all__ = ["Progress", "Simulation", "simulate"]
+
+Progress = Callable[[float, int], None]
+"""Called once per sampling interval with the simulated time [s] and the number of robots that have arrived."""
+
+
+class _Robot:
+    """One simulated robot: its base and its tracker."""
+
+    def __init__(self, entry: RobotScene, control_period: float) -> None:
+        self.base = PioneerBase(entry.pose, entry.spec)
+        self.tracker = PlanarTracker(entry.spec, TrackerSettings(), control_period)
+
+    def follow(self, decision: PlannedPath | Stop) -> None:
+        if isinstance(decision, Stop):
+            self.tracker.set_path(None)
+        else:
+            valid_until = decision.certificate.valid_until
+            self.tracker.set_path(decision.path, self.base.pose.heading, valid_until)
+
+
+class Simulation:
+    """A scene ready to run; `snnav_sim.simulation.simulate` is all that most need.
+
+    Parameters
+    ----------
+    scene : Scene
+    seed : int, optional
+        Instead of the seed of the scene.
+
+    Notes
+    -----
+    Computing takes no simulated time (C3-33): the path of a sampling instant is followed from that instant on. The
+    order within an instant is that of the nodes in lockstep.
+    """
+
+    def __init__(self, scene: Scene, seed: int | None = None) -> None:
+        self.scene = scene
+        self.seed = scene.seed if seed is None else seed
+        self.world = World(scene)
+        self.record = RunRecord(self.seed)
+        self._devices = [make_device(sensor, self.world, self.seed) for sensor in scene.sensors]
+        self._fusion = AreaFusion([planar_sensor(sensor) for sensor in scene.sensors], fusion_settings(scene))
+        self._navigator = GroundNavigator([robot.spec for robot in scene.robots], navigator_settings(scene))
+        self._robots = {robot.id: _Robot(robot, scene.control_period) for robot in scene.robots}
+        self._goals = {robot.id: robot.target for robot in scene.robots}
+        self._watch = EndWatch(scene)
+        self._tick = 0
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s], exact to a nanosecond."""
+        return round(self._tick * self.scene.control_period, 9)
+
+    def run(self, progress: Progress | None = None) -> RunRecord:
+        """Run to the end and return what happened."""
+        while True:
+            result = self.decide()
+            stops = {name: d.reason.value for name, d in result.decisions.items() if isinstance(d, Stop)}
+            self.record.reason = self._watch.update(self.time, stops)
+            if progress is not None:
+                progress(self.time, sum(reason == StopReason.ARRIVED.value for reason in stops.values()))
+            for _ in range(self.scene.ticks_per_sample):
+                self.move()
+                if self.record.reason:
+                    return self.record
+
+    def decide(self) -> StepResult:
+        """Measure, fuse and plan at the present sampling instant; hand the paths to the trackers."""
+        time = self.time
+        scans = {device.sensor.id: device.scan(time) for device in self._devices}
+        begin = clock.perf_counter()
+        for sensor_id, scan in scans.items():
+            self._fusion.add_scan(sensor_id, scan)
+        area = self._fusion.area(time)
+        fused = clock.perf_counter()
+        states = {
+            name: RobotState(name, robot.base.pose, time, robot.base.command.speed)
+            for name, robot in self._robots.items()
+        }
+        result = self._navigator.step(time, area, states, self._goals)
+        self.record.fusion_seconds.append(fused - begin)
+        self.record.planner_seconds.append(clock.perf_counter() - fused)
+        for name, decision in result.decisions.items():
+            self._robots[name].follow(decision)
+            self.record.decisions.append(Decision.of(time, decision))
+        return result
+
+    def move(self) -> None:
+        """Let all robots drive for one control period; the sample of its start is recorded."""
+        time = self.time
+        for name, robot in self._robots.items():
+            pose = robot.base.pose
+            robot.base.apply(robot.tracker.command(pose, time), self.scene.control_period)
+            self.record.add_sample(name, time, pose, robot.base.command)
+        self._tick += 1
+
+
+def simulate(scene: Scene, seed: int | None = None, progress: Progress | None = None) -> RunRecord:
+    """Run a scene without ROS until all robots arrived, the time limit, or nothing will change any more.
+
+    Parameters
+    ----------
+    scene : Scene
+    seed : int, optional
+        Instead of the seed of the scene.
+    progress : callable, optional
+        Called once per sampling interval with the simulated time and the number of robots that have arrived.
+
+    Returns
+    -------
+    RunRecord
+    """
+    return Simulation(scene, seed).run(progress)
