@@ -15,7 +15,10 @@ __all__ = ["remember"]
 
 # With more vertices than this many times those of the current region, plus some, the remembered part is simplified.
 _VERTEX_FACTOR = 2
-_VERTEX_BASE = 1000
+_VERTEX_BASE = 2000
+_FIRST_TOLERANCE = (
+    0.125  # of elapsed * boundary_speed; taken four times larger until the vertices are few enough
+)
 
 
 def remember(
@@ -63,10 +66,10 @@ def remember(
     reach = elapsed * boundary_speed
     united = as_multipolygon(shapely.union(current_region, shrink(previous_region, reach)))
     limit = _VERTEX_FACTOR * shapely.get_num_coordinates(current_region) + _VERTEX_BASE
-    tolerance = reach
+    tolerance = _FIRST_TOLERANCE * reach
     while tolerance > 0.0 and shapely.get_num_coordinates(united) > limit:
         # simplification moves the outline by up to twice its tolerance (at the start of a ring)
         kept = shapely.simplify(shrink(previous_region, reach + 2.0 * tolerance), tolerance)
         united = as_multipolygon(shapely.union(current_region, kept))
-        tolerance *= 2.0
+        tolerance *= 4.0
     return united
