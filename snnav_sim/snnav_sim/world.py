@@ -13,7 +13,7 @@ from snnav_core.types import FloatArray
 from snnav_sim.scene_types import Circle, Mover, Polygon, Scene, SensorScene, Shape
 from snnav_sim.visibility import ring_segments, visible_region
 
-__all__ = ["World", "mover_positions"]
+__all__ = ["World", "mover_positions", "solid"]
 
 _CIRCLE_CORNERS = (
     180  # of the circumscribed polygon that stands for a circle (0.2 permille of the radius too large)
@@ -58,7 +58,7 @@ class World:
     def is_covered(self, point: tuple[float, float], time: float) -> bool:
         """Whether a moving body stands on a point [m, map]."""
         where = shapely.Point(point)
-        return any(_solid(_shifted(mover, time)).intersects(where) for mover in self.scene.movers)
+        return any(solid(_shifted(mover, time)).intersects(where) for mover in self.scene.movers)
 
     def obstacle_clearance(self, points: FloatArray, time: float | FloatArray = 0.0) -> FloatArray:
         """Return the distance to the nearest true obstacle, mover or wall.
@@ -88,12 +88,12 @@ class World:
     @cached_property
     def static_region(self) -> BaseGeometry:
         """The workspace without the obstacles at rest [m, map]."""
-        solids = [_solid(shape) for shape in self.scene.obstacles]
+        solids = [solid(shape) for shape in self.scene.obstacles]
         return shapely.Polygon(self.scene.workspace).difference(shapely.union_all(solids))
 
     def free_region(self, time: float) -> BaseGeometry:
         """Return the workspace without obstacles and movers at a time [s] [m, map]."""
-        solids = [_solid(_shifted(mover, time)) for mover in self.scene.movers]
+        solids = [solid(_shifted(mover, time)) for mover in self.scene.movers]
         return self.static_region.difference(shapely.union_all(solids)) if solids else self.static_region
 
     def visible_regions(self, time: float) -> list[BaseGeometry]:
@@ -144,7 +144,7 @@ def _shifted(mover: Mover, time: float) -> Shape:
     return Polygon(tuple((px + x, py + y) for px, py in mover.shape.vertices))
 
 
-def _solid(shape: Shape) -> BaseGeometry:
+def solid(shape: Shape) -> BaseGeometry:
     """Return the shape as a polygon, a circle as one drawn round it."""
     if isinstance(shape, Polygon):
         return shapely.Polygon(shape.vertices)
@@ -183,4 +183,5 @@ def _distance(shape: Shape, points: FloatArray) -> FloatArray:
     gap = relative - share[..., None] * edge
     distance = np.sqrt(np.min(np.sum(gap * gap, axis=-1), axis=1))
     inside = shapely.contains_xy(shapely.Polygon(corners), points[:, 0], points[:, 1])
-    return np.where(inside, -distance, distance)
+    signed: FloatArray = np.where(inside, -distance, distance)
+    return signed

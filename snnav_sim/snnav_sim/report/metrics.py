@@ -1,0 +1,176 @@
+"""The numbers of a run: reached or not, lengths against the optimum, clearance and separation against ground truth."""
+
+from __future__ import annotations
+
+import math
+import platform
+from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+
+import snnav_core
+import snnav_sim
+from snnav_core.errors import PlanningError
+from snnav_core.types import FloatArray, StopReason
+from snnav_sim.report.optimum import reduced, shortest_path
+from snnav_sim.report.record import Decision, RunRecord
+from snnav_sim.report.truth import GroundTruth
+from snnav_sim.scene_types import RobotScene, Scene
+
+__all__ = ["compute_metrics"]
+
+_LIBRARIES = ("numpy", "scipy", "shapely", "numba")
+
+
+def compute_metrics(scene: Scene, record: RunRecord, truth: GroundTruth | None = None) -> dict[str, Any]:
+    """Return the content of ``metrics.json``; its keys are explained in docs/scene-format.md.
+
+    Parameters
+    ----------
+    scene : Scene
+    record : RunRecord
+    truth : GroundTruth, optional
+        Of the same scene, when it is at hand.
+    """
+    truth = truth or GroundTruth(scene)
+    return {
+        "scene": scene.name,
+        "seed": record.seed,
+        "reason": record.reason,
+        "duration": _duration(record),
+        "robots": {robot.id: _robot(robot, scene, record, truth) for robot in scene.robots},
+        "planner": _steps(record.planner_seconds),
+        "fusion": _steps(record.fusion_seconds),
+        "versions": {**_versions(), **record.versions},
+    }
+
+
+def _duration(record: RunRecord) -> float | None:
+    ends = [rows[-1][0] for rows in record.samples.values() if rows]
+    return max(ends) if ends else None
+
+
+def _steps(seconds: Sequence[float]) -> dict[str, Any]:
+    """Return percentiles of the steps; the first one loads compiled code and is reported apart."""
+    milliseconds = 1e3 * np.asarray(seconds[1:], dtype=np.float64)
+    names = {"p50": 50, "p99": 99, "max": 100}
+    steps = {
+        name: _rounded(float(np.percentile(milliseconds, share))) if len(milliseconds) else None
+        for name, share in names.items()
+    }
+    return {
+        "step_ms": steps,
+        "first_step_ms": _rounded(1e3 * seconds[0]) if seconds else None,
+        "steps": len(seconds),
+    }
+
+
+def _versions() -> dict[str, str]:
+    versions = {
+        "snnav_core": snnav_core.__version__,
+        "snnav_sim": snnav_sim.__version__,
+        "python": platform.python_version(),
+    }
+    for library in _LIBRARIES:
+        try:
+            versions[library] = version(library)
+        except PackageNotFoundError:  # a system package may come without metadata
+            continue
+    return versions
+
+
+def _robot(robot: RobotScene, scene: Scene, record: RunRecord, truth: GroundTruth) -> dict[str, Any]:
+    rows = record.trajectory(robot.id)
+    decisions = record.decisions_of(robot.id)
+    reason, message = _reason(scene, record, decisions)
+    arrival = next((d.time for d in decisions if d.reason == StopReason.ARRIVED.value), None)
+    if len(rows) == 0:
+        rows = np.array([[0.0, *robot.start, robot.heading, 0.0, 0.0]])
+    points, times = rows[:, 1:3], rows[:, 0]
+    clearance = truth.clearance(points, times)
+    area_clearance = None if scene.movers else truth.area_clearance(points)
+    remaining = math.dist(points[-1], robot.target)
+    reached = reason == StopReason.ARRIVED.value and remaining <= robot.speed * scene.sampling_interval
+    travelled = float(np.sum(rows[:-1, 4] * np.diff(times)))
+    least_separation = _separation(robot, scene, record, rows)
+    return {
+        "reached": reached,
+        "arrival_time": arrival if reached else None,
+        "travelled_length": _rounded(travelled),
+        **_optima(robot, scene, decisions, truth, travelled + remaining if reached else None),
+        "least_clearance": _floored(float(clearance.min())),
+        "least_separation": _floored(least_separation),
+        "reason": reason,
+        "message": message,
+        "remaining_distance": _rounded(remaining),
+        "least_area_clearance": None if area_clearance is None else _floored(float(area_clearance.min())),
+        "margin_violations": int(np.sum(clearance < scene.safety_margin)),
+        "area_margin_violations": (
+            None if area_clearance is None else int(np.sum(area_clearance < scene.safety_margin))
+        ),
+        "largest_turn_rate": float(np.abs(rows[:, 5]).max()),
+    }
+
+
+def _reason(scene: Scene, record: RunRecord, decisions: Sequence[Decision]) -> tuple[str, str]:
+    """Return the reason of the last stop and its message; for a robot still under way why the run ended."""
+    if not decisions:
+        return "no_decision", "nothing was ever published for this robot"
+    last = decisions[-1]
+    if last.path is None:
+        return last.reason, last.message
+    return "under_way", record.reason
+
+
+def _optima(
+    robot: RobotScene, scene: Scene, decisions: Sequence[Decision], truth: GroundTruth, length: float | None
+) -> dict[str, Any]:
+    """Return shortest paths at the safety margin and at the least distance that a path was planned for."""
+    distances = [d.planning_distance for d in decisions if d.planning_distance is not None]
+    planned = min(distances) if distances else None
+    optimum = _optimum(robot, truth, scene.safety_margin)
+    optimum_planned = None if planned is None else _optimum(robot, truth, planned)
+
+    def ratio(best: float | None) -> float | None:
+        return None if not best or length is None else round(length / best, 5)
+
+    return {
+        "optimum_length": _rounded(optimum),
+        "optimum_ratio": ratio(optimum),
+        "planning_distance": _rounded(planned),
+        "optimum_length_planned": _rounded(optimum_planned),
+        "optimum_ratio_planned": ratio(optimum_planned),
+    }
+
+
+def _optimum(robot: RobotScene, truth: GroundTruth, distance: float) -> float | None:
+    try:
+        return shortest_path(reduced(truth.area, distance), robot.start, robot.target)[0]
+    except PlanningError:
+        return None
+
+
+def _separation(robot: RobotScene, scene: Scene, record: RunRecord, rows: FloatArray) -> float | None:
+    """Return the least distance from the robot's centre to the disk of another one at equal times [m]."""
+    least = math.inf
+    for other in scene.robots:
+        if other.id == robot.id:
+            continue
+        track = record.trajectory(other.id)
+        if len(track) == 0:
+            track = np.array([[0.0, *other.start, other.heading, 0.0, 0.0]])
+        there = np.stack([np.interp(rows[:, 0], track[:, 0], track[:, axis]) for axis in (1, 2)], axis=-1)
+        gap = np.hypot(*(rows[:, 1:3] - there).T) - other.radius
+        least = min(least, float(gap.min()))
+    return least if math.isfinite(least) else None
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 4)
+
+
+def _floored(value: float | None) -> float | None:
+    """Round down to a tenth of a millimetre: no margin is kept by rounding."""
+    return None if value is None else math.floor(value * 1e4) / 1e4

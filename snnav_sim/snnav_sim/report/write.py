@@ -1,0 +1,147 @@
+"""The run directory: scene, metrics, trajectories, paths and figures of one run (docs/scene-format.md)."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+import tempfile
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from snnav_core.errors import InvalidInput
+from snnav_sim.report.metrics import compute_metrics
+from snnav_sim.report.record import Decision, RunRecord
+from snnav_sim.report.truth import GroundTruth
+from snnav_sim.scene import Scene, dump_scene
+
+__all__ = ["check_run_directory", "write_run_directory"]
+
+TRAJECTORY_COLUMNS = ("time", "robot", "x", "y", "z", "heading", "pitch", "speed", "turn_rate")
+PATH_COLUMNS = ("time", "robot", "index", "x", "y", "z", "digest")
+_MARKS = ("scene.yaml", "metrics.json")  # what makes a directory a run directory
+
+
+def check_run_directory(directory: Path | str) -> Path:
+    """Return the path if a run may be written there: it does not exist, is empty, or holds an earlier run.
+
+    Raises
+    ------
+    InvalidInput
+        If something else stands there.
+    """
+    path = Path(directory)
+    if path.exists() and not path.is_dir():
+        raise InvalidInput(f"{path}: is a file: give another directory for the run")
+    if path.is_dir() and any(path.iterdir()) and not all((path / mark).is_file() for mark in _MARKS):
+        raise InvalidInput(
+            f"{path}: holds files of something else than a run: give another or an empty directory"
+        )
+    return path
+
+
+def write_run_directory(
+    directory: Path | str,
+    scene: Scene,
+    record: RunRecord,
+    attachments: Mapping[str, Path] | None = None,
+    figures: bool = True,
+) -> dict[str, Any]:
+    """Write everything about a run; nothing is left half-written.
+
+    Parameters
+    ----------
+    directory : path
+        Made with its parents; an earlier run in it is replaced.
+    scene : Scene
+    record : RunRecord
+    attachments : mapping, optional
+        Name in the run directory -> file or directory that is moved there, such as the recorded bag.
+    figures : bool
+        Whether to draw.
+
+    Returns
+    -------
+    dict
+        The metrics as written.
+
+    Raises
+    ------
+    InvalidInput
+        If the directory holds something else, or cannot be written.
+    """
+    path = check_run_directory(directory)
+    truth = GroundTruth(scene)
+    metrics = compute_metrics(scene, record, truth)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draft = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+    except OSError as error:
+        raise InvalidInput(f"{path}: cannot be written ({error.strerror}): give another directory") from None
+    try:
+        draft.chmod(0o755)
+        _fill(draft, scene, record, metrics, truth, figures)
+        for name, source in (attachments or {}).items():
+            shutil.move(source, draft / name)
+        _replace(path, draft)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+    return metrics
+
+
+def _fill(
+    draft: Path, scene: Scene, record: RunRecord, metrics: dict[str, Any], truth: GroundTruth, figures: bool
+) -> None:
+    (draft / "scene.yaml").write_text(dump_scene(replace(scene, seed=record.seed)), encoding="utf-8")
+    text = json.dumps(metrics, indent=2, allow_nan=False, ensure_ascii=False)
+    (draft / "metrics.json").write_text(text + "\n", encoding="utf-8")
+    _table(draft / "trajectories.csv", TRAJECTORY_COLUMNS, _trajectory_rows(record))
+    _table(draft / "paths.csv", PATH_COLUMNS, _path_rows(record.decisions))
+    (draft / "figures").mkdir()
+    if figures:
+        # drawing needs matplotlib, which takes a second to import
+        from snnav_sim.report.figures import draw_clearance, draw_scene
+
+        draw_scene(scene, record, truth, draft / "figures" / "scene.png")
+        if scene.robots:
+            draw_clearance(scene, record, truth, draft / "figures" / "clearance.png")
+
+
+def _replace(path: Path, draft: Path) -> None:
+    """Put the draft where the directory is; an earlier run goes only after the new one stands."""
+    if not path.exists():
+        draft.rename(path)
+        return
+    old = Path(tempfile.mkdtemp(prefix=f".{path.name}.old.", dir=path.parent))
+    path.rename(old / "run")
+    draft.rename(path)
+    shutil.rmtree(old)
+
+
+def _table(path: Path, columns: tuple[str, ...], rows: Iterable[tuple[Any, ...]]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(rows)
+
+
+def _trajectory_rows(record: RunRecord) -> list[tuple[Any, ...]]:
+    rows = [
+        (time, robot, x, y, 0.0, heading, 0.0, speed, turn_rate)
+        for robot, samples in record.samples.items()
+        for time, x, y, heading, speed, turn_rate in samples
+    ]
+    return sorted(rows, key=lambda row: float(row[0]))
+
+
+def _path_rows(decisions: Iterable[Decision]) -> Iterable[tuple[Any, ...]]:
+    for decision in decisions:
+        if decision.path is None:
+            yield decision.time, decision.robot, -1, "", "", "", decision.reason
+            continue
+        digest = decision.path.digest()
+        for index, point in enumerate(decision.path.points.tolist()):
+            x, y, z = [*point, 0.0][:3]
+            yield decision.time, decision.robot, index, x, y, z, digest
