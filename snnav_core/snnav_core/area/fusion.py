@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
@@ -15,9 +15,10 @@ from snnav_core.area.memory import remember
 from snnav_core.area.planar import UnoccupiedArea, as_multipolygon, shrink
 from snnav_core.errors import InvalidInput
 from snnav_core.sensing.scan import DetectedArea, PlanarScan, ScanSettings, detect_planar
+from snnav_core.sensing.star import shorten_fan, star_rings
 from snnav_core.types import FloatArray, Pose2D
 
-__all__ = ["AreaFusion", "FusionSettings", "PlanarSensor", "fuse"]
+__all__ = ["AreaFusion", "FusionSettings", "PlanarSensor", "agree", "cut_returns"]
 
 _TIME_TOLERANCE = 1e-6
 
@@ -48,6 +49,11 @@ class FusionSettings:
         A return this far [m] or less inside the union does not cut it; the planning reserve covers it.
     return_radius : float
         Half width of the obstacle that stands for one cut return [m].
+    shorten_depth : float
+        Where a return lies up to this far inside the area of another sensor, along its ray, that sensor's beams end at
+        the return [m]; a deeper return becomes a small obstacle of its own.
+    least_part : float
+        Parts of the area smaller than this are dropped: no robot fits into them [m^2].
     contradiction_depth : float
         A return farther inside the union than this [m] is counted as a contradiction.
     """
@@ -57,10 +63,12 @@ class FusionSettings:
     max_scan_age: float = 1.0
     return_tolerance: float = 0.003
     return_radius: float = 0.01
+    shorten_depth: float = 0.1
+    least_part: float = 0.05
     contradiction_depth: float = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("boundary_speed", "return_tolerance", "contradiction_depth"):
+        for name in ("boundary_speed", "return_tolerance", "shorten_depth", "least_part", "contradiction_depth"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise InvalidInput(f"fusion setting {name} is {value}, must be a number >= 0")
@@ -70,13 +78,47 @@ class FusionSettings:
                 raise InvalidInput(f"fusion setting {name} is {value}, must be a positive number")
 
 
-def fuse(stamp: float, union: MultiPolygon, detected: Sequence[DetectedArea], settings: FusionSettings) -> UnoccupiedArea:
-    """Cut every measured return out of the union of the detected areas (Ch. 3, total detected area).
+def agree(
+    detected: Sequence[DetectedArea], settings: FusionSettings
+) -> tuple[list[DetectedArea], dict[str, int]]:
+    """Reconcile what the sensors saw: a return of any of them is an obstacle for all.
+
+    Measured from two places one wall never is in one place, and the union of both areas would hide the nearer
+    measurement: where a return lies a little inside the area of another sensor, that area ends there.
 
     Parameters
     ----------
-    stamp : float
-        Time of the area [s].
+    detected : sequence of DetectedArea
+    settings : FusionSettings
+
+    Returns
+    -------
+    agreed : list of DetectedArea
+        Never larger than before.
+    contradictions : dict of str to int
+        Per sensor: its returns through which rays of another sensor passed by more than `contradiction_depth`.
+    """
+    returns = _all_returns(detected)
+    deepest = np.zeros(len(returns))
+    agreed = []
+    for part in detected:
+        fan, inside = shorten_fan(part.fan, part.pose, returns, settings.shorten_depth)
+        deepest = np.maximum(deepest, inside)
+        if np.array_equal(fan.free, part.fan.free):
+            agreed.append(part)
+        else:
+            agreed.append(replace(part, fan=fan, rings=star_rings(fan, part.pose)))
+    flags = np.split(deepest > settings.contradiction_depth, np.cumsum([len(p.returns) for p in detected])[:-1])
+    return agreed, {part.sensor_id: int(flag.sum()) for part, flag in zip(detected, flags, strict=True)}
+
+
+def cut_returns(
+    union: MultiPolygon, detected: Sequence[DetectedArea], settings: FusionSettings
+) -> MultiPolygon:
+    """Cut the returns that still lie inside a union of detected areas out of it (Ch. 3, total detected area).
+
+    Parameters
+    ----------
     union : shapely.MultiPolygon
         Union of the detected areas, with memory if wanted [m, map].
     detected : sequence of DetectedArea
@@ -85,31 +127,32 @@ def fuse(stamp: float, union: MultiPolygon, detected: Sequence[DetectedArea], se
 
     Returns
     -------
-    UnoccupiedArea
-        With the contradictions counted per sensor.
+    shapely.MultiPolygon
+        The union itself when nothing lies inside.
 
     Notes
     -----
     Deviation: the thesis takes the plain union. On real scanners a return of one node can lie inside what another
     node's rays passed (pose error, thin objects, glass); the safe side wins.
     """
-    area = UnoccupiedArea(stamp, union)
-    sizes = [len(part.returns) for part in detected]
-    returns = np.concatenate([part.returns for part in detected]) if sum(sizes) else np.empty((0, 2))
+    returns = _all_returns(detected)
     if union.is_empty or len(returns) == 0:
-        return UnoccupiedArea(stamp, union, {part.sensor_id: 0 for part in detected})
-    depth, _ = area.clearance_field.query(returns)
-    deep = np.split(depth > settings.contradiction_depth, np.cumsum(sizes)[:-1])
-    counts = {part.sensor_id: int(flags.sum()) for part, flags in zip(detected, deep, strict=True)}
+        return union
+    depth, _ = UnoccupiedArea(0.0, union).clearance_field.query(returns)
     inside = depth > settings.return_tolerance
     if not inside.any():
-        return area.restamped(stamp, counts)
-    return UnoccupiedArea(stamp, _cut(union, returns[inside], settings.return_radius), counts)
+        return union
+    obstacles = shapely.buffer(shapely.multipoints(returns[inside]), settings.return_radius, quad_segs=1)
+    return _without_crumbs(as_multipolygon(shapely.difference(union, obstacles)), settings.least_part)
 
 
-def _cut(union: MultiPolygon, returns: FloatArray, radius: float) -> MultiPolygon:
-    obstacles = shapely.buffer(shapely.multipoints(returns), radius, quad_segs=1)
-    return as_multipolygon(shapely.difference(union, obstacles))
+def _all_returns(detected: Sequence[DetectedArea]) -> FloatArray:
+    return np.concatenate([part.returns for part in detected]) if detected else np.empty((0, 2))
+
+
+def _without_crumbs(region: MultiPolygon, least: float) -> MultiPolygon:
+    parts = shapely.get_parts(region)
+    return MultiPolygon(list(parts[shapely.area(parts) >= least]))
 
 
 class AreaFusion:
@@ -134,14 +177,14 @@ class AreaFusion:
         self.settings = settings or FusionSettings()
         self._scans: dict[str, PlanarScan] = {}
         self._detected: dict[str, DetectedArea] = {}
-        self._union: tuple[list[BaseGeometry], MultiPolygon] | None = None
+        self._agreed: tuple[list[DetectedArea], list[DetectedArea], dict[str, int]] = ([], [], {})
+        self._union: tuple[list[BaseGeometry], MultiPolygon] = ([], MultiPolygon())
         self._area: UnoccupiedArea | None = None
 
     def reset(self) -> None:
         """Forget all scans and the memory, as after a jump of time."""
         self._scans.clear()
         self._detected.clear()
-        self._union = None
         self._area = None
 
     def add_scan(self, sensor_id: str, scan: PlanarScan) -> DetectedArea:
@@ -189,27 +232,25 @@ class AreaFusion:
         """
         usable = [sensor_id for sensor_id in sorted(self._detected) if self._is_usable(sensor_id, time)]
         parts = [self._detected[sensor_id] for sensor_id in usable]
-        polygons = [self._aged(sensor_id, time) for sensor_id in usable]
-        last_union, last_area = self._union, self._area
-        unchanged = last_union is not None and _identical(polygons, last_union[0])
-        if unchanged and last_union is not None:
-            union = last_union[1]
-        else:
-            union = as_multipolygon(shapely.union_all(polygons))
-            self._union = (polygons, union)
-        if self.settings.memory and self.settings.boundary_speed > 0.0 and last_area is not None:
-            elapsed = time - last_area.stamp
-            union = as_multipolygon(remember(last_area.region, union, elapsed, self.settings.boundary_speed))
-        elif unchanged and last_area is not None:
-            self._area = last_area.restamped(time)
+        if not _identical(parts, self._agreed[0]):
+            self._agreed = (parts, *agree(parts, self.settings))
+        polygons = [self._aged(part, time) for part in self._agreed[1]]
+        last = self._area
+        unchanged = _identical(polygons, self._union[0])
+        if not unchanged:
+            self._union = (polygons, as_multipolygon(shapely.union_all(polygons)))
+        union, speed = self._union[1], self.settings.boundary_speed
+        if self.settings.memory and speed > 0.0 and last is not None:
+            union = as_multipolygon(remember(last.region, union, time - last.stamp, speed))
+        elif unchanged and last is not None:
+            self._area = last.restamped(time)
             return self._area
-        self._area = fuse(time, union, parts, self.settings)
+        self._area = UnoccupiedArea(time, cut_returns(union, parts, self.settings), self._agreed[2])
         return self._area
 
-    def _aged(self, sensor_id: str, time: float) -> BaseGeometry:
-        polygon = self._detected[sensor_id].polygon
-        reach = (time - self._scans[sensor_id].stamp) * self.settings.boundary_speed
-        return shrink(polygon, reach) if reach > _TIME_TOLERANCE else polygon
+    def _aged(self, part: DetectedArea, time: float) -> BaseGeometry:
+        reach = (time - self._scans[part.sensor_id].stamp) * self.settings.boundary_speed
+        return shrink(part.polygon, reach) if reach > _TIME_TOLERANCE else part.polygon
 
     def _is_usable(self, sensor_id: str, time: float) -> bool:
         if sensor_id not in self._scans:
@@ -218,7 +259,7 @@ class AreaFusion:
         return -_TIME_TOLERANCE <= age <= self.settings.max_scan_age + _TIME_TOLERANCE
 
 
-def _identical(first: Sequence[BaseGeometry], second: Sequence[BaseGeometry]) -> bool:
+def _identical(first: Sequence[object], second: Sequence[object]) -> bool:
     return len(first) == len(second) and all(a is b for a, b in zip(first, second, strict=True))
 
 

@@ -11,7 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from snnav_core.errors import InvalidInput, ScanError
-from snnav_core.sensing.star import star_rings
+from snnav_core.sensing.star import BeamFan, star_rings
 from snnav_core.types import FloatArray, Pose2D
 
 __all__ = [
@@ -183,6 +183,8 @@ class DetectedArea:
         The beam of each return.
     counts : BeamCounts
         Number of beams per class.
+    fan : BeamFan
+        The free lengths that the rings enclose.
     """
 
     sensor_id: str
@@ -192,6 +194,7 @@ class DetectedArea:
     returns: FloatArray
     return_beam: NDArray[np.int64]
     counts: BeamCounts
+    fan: BeamFan
 
     @cached_property
     def polygon(self) -> shapely.Polygon | shapely.MultiPolygon:
@@ -242,14 +245,15 @@ def detect_planar(
         raise InvalidInput(f"sensor {sensor_id!r}: pose is {pose}, must be finite")
     classes = _classify(scan, settings)
     free = _free_lengths(scan, classes, settings)
-    rings = star_rings(
-        free, pose, scan.angle_min, scan.angle_increment, settings.jump_ratio, settings.jump_distance
+    fan = BeamFan(
+        free, scan.angle_min, scan.angle_increment, settings.jump_ratio, settings.jump_distance
     )
+    rings = star_rings(fan, pose)
     beam = np.flatnonzero(classes == _RETURNED)
     angles = pose.heading + scan.angles[beam]
     returns = pose.position + scan.ranges[beam, None] * np.column_stack((np.cos(angles), np.sin(angles)))
     counts = BeamCounts(*np.bincount(classes, minlength=9).tolist())
-    return DetectedArea(sensor_id, scan.stamp, pose, rings, returns, beam, counts)
+    return DetectedArea(sensor_id, scan.stamp, pose, rings, returns, beam, counts, fan)
 
 
 def _classify(scan: PlanarScan, settings: ScanSettings) -> NDArray[np.uint8]:

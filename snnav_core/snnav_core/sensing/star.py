@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from snnav_core.types import FloatArray, Pose2D
 
-__all__ = ["star_rings"]
+__all__ = ["BeamFan", "shorten_fan", "star_rings"]
 
 _TURN = 2.0 * math.pi
 _SAME_BEAM = 1e-3  # fraction of an increment: a beam this close to a full turn counts as a repetition
@@ -17,14 +19,35 @@ _ALIGNED = 1e-6  # fraction of an increment: directions that coincide
 _CLOSING_GAP = 1.5  # a gap of so many increments between the last and the first beam still closes the circle
 
 
-def star_rings(
-    free: FloatArray,
-    pose: Pose2D,
-    angle_min: float,
-    angle_increment: float,
-    jump_ratio: float,
-    jump_distance: float,
-) -> tuple[FloatArray, ...]:
+@dataclass(frozen=True)
+class BeamFan:
+    """The free length along every beam of one scan, and when two neighbours belong to one surface.
+
+    Parameters
+    ----------
+    free : ndarray, shape (B,)
+        Length along every beam that is known to be free [m]; 0 where the beam saw nothing.
+    angle_min, angle_increment : float
+        Direction of the first beam and step to the next [rad, sensor]; the step may be negative.
+    jump_ratio, jump_distance : float
+        Limits of a difference that counts as one surface [-], [m].
+    """
+
+    free: FloatArray
+    angle_min: float
+    angle_increment: float
+    jump_ratio: float
+    jump_distance: float
+
+    def ascending(self) -> tuple[FloatArray, float, float]:
+        """Free lengths counter-clockwise, the direction of the first of them and the step, both [rad, sensor]."""
+        if self.angle_increment > 0.0:
+            return self.free, self.angle_min, self.angle_increment
+        first = self.angle_min + (self.free.size - 1) * self.angle_increment
+        return self.free[::-1], first, -self.angle_increment
+
+
+def star_rings(fan: BeamFan, pose: Pose2D) -> tuple[FloatArray, ...]:
     """Return the outlines of the region that neighbouring beams enclose.
 
     Between two neighbouring beams lies a wedge. Where their free lengths a and b differ by more than
@@ -33,14 +56,9 @@ def star_rings(
 
     Parameters
     ----------
-    free : ndarray, shape (B,)
-        Length along every beam that is known to be free [m]; 0 where the beam saw nothing.
+    fan : BeamFan
     pose : Pose2D
         Pose of the sensor [map].
-    angle_min, angle_increment : float
-        Direction of the first beam and step to the next [rad, sensor]; the step may be negative.
-    jump_ratio, jump_distance : float
-        Limits of a difference that counts as one surface [-], [m].
 
     Returns
     -------
@@ -53,11 +71,7 @@ def star_rings(
     Deviation (C3-7, C3-8): the thesis draws the detected area as given; here it is built from discrete beams
     with the shorter neighbour at range jumps, and a sector includes the sensor.
     """
-    increment = abs(angle_increment)
-    first = angle_min
-    if angle_increment < 0.0:
-        first = angle_min + (free.size - 1) * angle_increment
-        free = free[::-1]
+    free, first, increment = fan.ascending()
     free = _fold_overlap(free, increment)
     gap = _TURN - (free.size - 1) * increment
     closed = gap <= _CLOSING_GAP * increment
@@ -68,7 +82,7 @@ def star_rings(
         directions = np.vstack((directions, directions[:1]))
     near, far = free[:-1], free[1:]
     shorter = np.minimum(near, far)
-    jump = np.abs(near - far) > jump_ratio * shorter * increment + jump_distance
+    jump = np.abs(near - far) > fan.jump_ratio * shorter * increment + fan.jump_distance
     lengths = np.column_stack((np.where(jump, shorter, near), np.where(jump, shorter, far)))
     return _collect(lengths, directions, shorter > 0.0, pose.position, closed)
 
@@ -114,3 +128,69 @@ def _collect(
         np.vstack((origin, points[begin:end][keep[begin:end]]))
         for begin, end in zip(edges[0::2], edges[1::2], strict=True)
     )
+
+
+def shorten_fan(
+    fan: BeamFan, pose: Pose2D, obstacles: FloatArray, depth: float
+) -> tuple[BeamFan, FloatArray]:
+    """Shorten beams to obstacles that lie a little inside the region they enclose.
+
+    Parameters
+    ----------
+    fan : BeamFan
+    pose : Pose2D
+        Pose of the sensor [map].
+    obstacles : ndarray, shape (K, 2)
+        Points that are not free [m, map].
+    depth : float
+        Only points up to this far, along the ray, inside the outline [m]: a point deeper inside would cost all that the
+        sensor sees behind it.
+
+    Returns
+    -------
+    fan : BeamFan
+        Both beams beside such a point end at its distance; never longer than before.
+    inside : ndarray, shape (K,)
+        How far each point lies inside, square to the outline of its wedge [m]; 0 outside.
+    """
+    free, first, increment = fan.ascending()
+    offset = obstacles - pose.position
+    distance = np.hypot(offset[:, 0], offset[:, 1])
+    bearing = np.arctan2(offset[:, 1], offset[:, 0]) - pose.heading - first
+    shortened, inside = _shorten(
+        np.ascontiguousarray(free), increment, fan.jump_ratio, fan.jump_distance, distance, bearing, depth
+    )
+    return replace(fan, free=shortened if fan.angle_increment > 0.0 else shortened[::-1]), inside
+
+
+@numba.njit(cache=True)
+def _shorten(free, increment, jump_ratio, jump_distance, distance, bearing, depth):  # type: ignore[no-untyped-def]
+    result = free.copy()
+    inside = np.zeros(distance.shape[0])
+    beams = free.shape[0]
+    closed = 2.0 * math.pi - (beams - 1) * increment <= 1.5 * increment
+    for i in range(distance.shape[0]):
+        place = (bearing[i] % (2.0 * math.pi)) / increment
+        k = int(place)
+        if k >= beams or (k == beams - 1 and not closed):
+            continue
+        following = (k + 1) % beams
+        near, far = free[k], free[following]
+        shorter = min(near, far)
+        if shorter <= 0.0:
+            continue
+        if abs(near - far) > jump_ratio * shorter * increment + jump_distance:
+            near = far = shorter
+        angle = (place - k) * increment
+        outline = near * far * math.sin(increment) / (near * math.sin(angle) + far * math.sin(increment - angle))
+        passed = outline - distance[i]
+        if passed <= 0.0:
+            continue
+        # Sine of the angle between the ray and the chord from beam to beam.
+        chord = math.sqrt(near * near + far * far - 2.0 * near * far * math.cos(increment))
+        slant = near * far * math.sin(increment) / max(chord * outline, 1e-12)
+        inside[i] = passed * min(slant, 1.0)
+        if passed <= depth:
+            result[k] = min(result[k], distance[i])
+            result[following] = min(result[following], distance[i])
+    return result, inside
