@@ -12,15 +12,14 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from snnav_core.types import Pose2D
+from snnav_ros.convert import yaw_from_message
 
 __all__ = [
     "jazzy_types",
     "laser_scan",
     "pose_of",
     "pose_stamped",
-    "stamp_ns_of",
     "time_message",
-    "yaw_of_quaternion",
 ]
 
 _NANOSECONDS = 1_000_000_000
@@ -39,11 +38,6 @@ def _new(name: str, **fields: Any) -> Any:
 def time_message(stamp_ns: int) -> Any:
     """Return builtin_interfaces/Time of a stamp [ns]."""
     return _new("builtin_interfaces/msg/Time", sec=stamp_ns // _NANOSECONDS, nanosec=stamp_ns % _NANOSECONDS)
-
-
-def stamp_ns_of(header: Any) -> int:
-    """Return the stamp [ns] of a std_msgs/Header of ROS 1 or ROS 2."""
-    return int(header.stamp.sec) * _NANOSECONDS + int(header.stamp.nanosec)
 
 
 def _header(stamp_ns: int, frame: str) -> Any:
@@ -90,13 +84,13 @@ def pose_stamped(stamp_ns: int, frame: str, pose: Pose2D) -> Any:
     return _new("geometry_msgs/msg/PoseStamped", header=_header(stamp_ns, frame), pose=placed)
 
 
-def yaw_of_quaternion(quaternion: Any) -> float:
-    """Return the rotation about z [rad] of a geometry_msgs/Quaternion (it need not have length one)."""
-    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
-    return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
-
-
 def pose_of(pose: Any) -> Pose2D:
-    """Return the planar part of a geometry_msgs/Pose."""
-    heading = yaw_of_quaternion(pose.orientation)
+    """Return the planar part of a geometry_msgs/Pose.
+
+    Raises
+    ------
+    InvalidInput
+        If the orientation is no rotation.
+    """
+    heading = yaw_from_message(pose.orientation)
     return Pose2D(float(pose.position.x), float(pose.position.y), heading)

@@ -20,9 +20,10 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from snnav_core.types import Pose2D
 from snnav_ros.bag.errors import BagError
-from snnav_ros.bag.messages import jazzy_types, laser_scan, pose_of, pose_stamped, stamp_ns_of
+from snnav_ros.bag.messages import jazzy_types, laser_scan, pose_of, pose_stamped
 from snnav_ros.bag.reader import BagReader
 from snnav_ros.bag.writer import BagWriter
+from snnav_ros.convert import nanoseconds_from_stamp
 
 DATA = Path(__file__).parents[3].parent / "shared" / "data"
 RANGES = [1.0, 2.5, float("inf"), float("nan"), 0.0]
@@ -62,7 +63,7 @@ def test_bag_reads_back_with_rosbags_mcap_and_own_reader(tmp_path: Path, compres
         with BagReader(form) as bag:
             messages = list(bag.messages(["scan"]))
             poses = [pose_of(m.message.pose) for m in bag.messages(["pose"])]
-        assert [stamp_ns_of(m.message.header) for m in messages] == [0, 1000, 2000, 3000]
+        assert [nanoseconds_from_stamp(m.message.header.stamp) for m in messages] == [0, 1000, 2000, 3000]
         np.testing.assert_array_equal(messages[1].message.ranges, np.array(RANGES, dtype=np.float32))
         assert [p.heading for p in poses] == pytest.approx([0.0, 0.1, 0.2, 0.3])
 
@@ -254,7 +255,7 @@ def test_ros1_bags_read_the_same_way(tmp_path: Path) -> None:
         writer.write(connection, 9, store.serialize_ros1(message, kind))
     with BagReader(tmp_path / "old.bag") as bag:
         (message,) = bag.messages(["pose"])
-    assert (message.type_name, message.stamp_ns, stamp_ns_of(message.message.header)) == (
+    assert (message.type_name, message.stamp_ns, nanoseconds_from_stamp(message.message.header.stamp)) == (
         kind,
         9,
         3_000_000_004,
