@@ -245,9 +245,7 @@ def detect_planar(
         raise InvalidInput(f"sensor {sensor_id!r}: pose is {pose}, must be finite")
     classes = _classify(scan, settings)
     free = _free_lengths(scan, classes, settings)
-    fan = BeamFan(
-        free, scan.angle_min, scan.angle_increment, settings.jump_ratio, settings.jump_distance
-    )
+    fan = BeamFan(free, scan.angle_min, scan.angle_increment, settings.jump_ratio, settings.jump_distance)
     rings = star_rings(fan, pose)
     beam = np.flatnonzero(classes == _RETURNED)
     angles = pose.heading + scan.angles[beam]

@@ -182,7 +182,9 @@ def _shorten(free, increment, jump_ratio, jump_distance, distance, bearing, dept
         if abs(near - far) > jump_ratio * shorter * increment + jump_distance:
             near = far = shorter
         angle = (place - k) * increment
-        outline = near * far * math.sin(increment) / (near * math.sin(angle) + far * math.sin(increment - angle))
+        outline = (
+            near * far * math.sin(increment) / (near * math.sin(angle) + far * math.sin(increment - angle))
+        )
         passed = outline - distance[i]
         if passed <= 0.0:
             continue
