@@ -113,7 +113,7 @@ class Attempt:
             self.context.boundary,
             self.context.area.stamp,
             self.others,
-            self.settings.certificate,
+            self.distances.certificate,
         )
 
     def is_full(self, plan: PlannedPath) -> bool:

@@ -17,6 +17,8 @@ from snnav_core.types import FloatArray
 
 __all__ = ["AreaContext", "Disks"]
 
+_SIMPLIFICATION_SHARE = 0.01
+
 Disks = tuple[tuple[float, float, float], ...]
 """Disks of standing robots: x, y, radius [m, map]; a hashable value."""
 
@@ -28,7 +30,8 @@ class AreaContext:
     ----------
     area : UnoccupiedArea
     simplification : float
-        For the reductions [m], see `reduce_area`.
+        Upper limit for the reductions [m], see `reduce_area`; never more than 1 % of their distance, which would close
+        narrow passages.
     """
 
     def __init__(self, area: UnoccupiedArea, simplification: float) -> None:
@@ -61,7 +64,8 @@ class AreaContext:
         """The area reduced by `distance` [m], without the disks of standing robots."""
         key = round(distance, 6)
         if key not in self._reduced:
-            self._reduced[key] = reduce_area(self.area.region, distance, self._simplification)
+            tolerance = min(self._simplification, _SIMPLIFICATION_SHARE * distance)
+            self._reduced[key] = reduce_area(self.area.region, distance, tolerance)
         if not disks:
             return self._reduced[key]
         if (key, disks) not in self._without:

@@ -29,8 +29,9 @@ class NavigatorSettings:
         T: how long a path is proved safe, in sampling intervals.
     boundary_speed : float
         V_max: no boundary of the unoccupied area moves faster [m/s].
-    tracking_tolerance : float
-        How far a robot may be off its path [m]; the certificate demands it beyond the margin.
+    tracking_tolerance : float or None
+        How far a robot may be off its path [m]; the certificate demands it beyond the margin. None for 1.25 % of R_min,
+        at least 4 mm: the practical tracking law stays within that.
     planning_reserve : float
         What the planner keeps beyond what the certificate demands [m].
     turn_radius_factor : float
@@ -55,8 +56,8 @@ class NavigatorSettings:
     safety_margin: float
     time_window: int = 4
     boundary_speed: float = 0.0
-    tracking_tolerance: float = 0.01
-    planning_reserve: float = 0.01
+    tracking_tolerance: float | None = None
+    planning_reserve: float = 0.004
     turn_radius_factor: float = 1.1
     circle_radius_factor: float = 1.05
     simplification: float = 0.02
@@ -72,7 +73,7 @@ class NavigatorSettings:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise InvalidInput(f"{name} is {value}, must be a positive number")
-        for name in ("boundary_speed", "tracking_tolerance", "planning_reserve", "simplification", "switch_gain"):
+        for name in ("boundary_speed", "planning_reserve", "simplification", "switch_gain"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise InvalidInput(f"{name} is {value}, must be a number >= 0")
@@ -82,21 +83,12 @@ class NavigatorSettings:
         for name in ("turn_radius_factor", "circle_radius_factor"):
             if not getattr(self, name) >= 1.0:
                 raise InvalidInput(f"{name} is {getattr(self, name)}, must be >= 1")
+        if self.tracking_tolerance is not None and not (0.0 <= self.tracking_tolerance < math.inf):
+            raise InvalidInput(f"tracking_tolerance is {self.tracking_tolerance}, must be a number >= 0 or left out")
         for name in ("arrival_distance", "path_spacing"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise InvalidInput(f"{name} is {value}, must be a positive number or left out")
-
-    @property
-    def certificate(self) -> CertificateSettings:
-        """What the certificate check demands."""
-        return CertificateSettings(
-            safety_margin=self.safety_margin,
-            boundary_speed=self.boundary_speed,
-            sampling_interval=self.sampling_interval,
-            time_window=self.time_window,
-            tracking_tolerance=self.tracking_tolerance,
-        )
 
 
 class RobotDistances:
@@ -118,6 +110,15 @@ class RobotDistances:
                 f"safety_margin {settings.safety_margin} m is below the radius {robot.radius} m of robot {robot.id}"
             )
         self._settings = settings
+        derived = max(0.004, 0.0125 * robot.min_turn_radius)
+        self.tolerance = derived if settings.tracking_tolerance is None else settings.tracking_tolerance
+        self.certificate = CertificateSettings(
+            safety_margin=settings.safety_margin,
+            boundary_speed=settings.boundary_speed,
+            sampling_interval=settings.sampling_interval,
+            time_window=settings.time_window,
+            tracking_tolerance=self.tolerance,
+        )
         self.stride = robot.speed * settings.sampling_interval
         widest = settings.path_spacing or min(0.5 * robot.min_turn_radius, 0.5 * settings.safety_margin)
         self.parts = max(1, math.ceil(self.stride / widest - 1e-9))
@@ -135,12 +136,12 @@ class RobotDistances:
         """
         settings = self._settings
         times = np.arange(1, self.window_points + 1) * self.step
-        tolerance = settings.tracking_tolerance + settings.planning_reserve
+        tolerance = self.tolerance + settings.planning_reserve
         distance = settings.safety_margin + times * settings.boundary_speed + tolerance
         return np.sqrt(distance**2 + 0.25 * self.link**2)
 
     @property
     def least(self) -> float:
         """Least distance that a path can be planned for [m]."""
-        tolerance = self._settings.tracking_tolerance + self._settings.planning_reserve
+        tolerance = self.tolerance + self._settings.planning_reserve
         return math.hypot(self._settings.safety_margin + tolerance, 0.5 * self.link)
