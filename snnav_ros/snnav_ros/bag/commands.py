@@ -10,10 +10,13 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
+from rich.console import Console
 
 from snnav_ros.bag.carmen import read_carmen
 from snnav_ros.bag.carmen_import import POSE_TOPIC, SCAN_TOPIC, write_carmen_bag
-from snnav_ros.bag.files import write_text
+from snnav_ros.bag.evaluation import EvaluationSettings, evaluate
+from snnav_ros.bag.evaluation_report import MARK, evaluation_table, is_accepted, write_evaluation
+from snnav_ros.bag.files import check_directory, write_text
 from snnav_ros.bag.network import (
     NetworkSettings,
     SensorNetwork,
@@ -27,11 +30,14 @@ from snnav_sim.scene import dump_scene, parse_scene
 
 __all__ = ["add_parser"]
 
+_TABLE_WIDTH = 160  # columns, when the output is not a terminal
+
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the subcommands; each sets ``func`` to a function of the parsed arguments that returns the exit status."""
     _add_import(subparsers)
     _add_network(subparsers)
+    _add_evaluation(subparsers)
 
 
 def _number(least: float, above: bool = False) -> Callable[[str], float]:
@@ -170,3 +176,45 @@ def _print_network(network: SensorNetwork, routes: list[Route]) -> None:
         print(f"robot_{index}: ({x0:.1f}, {y0:.1f}) -> ({x1:.1f}, {y1:.1f}), {route.distance:.1f} m")
         if route.distance < LEAST_ROUTE:
             print(f"warning: robot_{index} has no target {LEAST_ROUTE:g} m away", file=sys.stderr)
+
+
+def _add_evaluation(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = subparsers.add_parser(
+        "evaluate-logs",
+        help="drive ten routes through each of some real buildings and check every margin",
+        description="For each corrected CARMEN log: import it, make a sensor network of it, drive seeded routes in "
+        "the largest connected free part in a closed loop without ROS, and check every drive against the fused area "
+        "and every measured return. Exit status 1 when fewer than 95 % of the targets are reached or a margin is "
+        "violated.",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    defaults = EvaluationSettings()
+    parser.add_argument("logs", metavar="LOG", type=Path, nargs="+", help="CARMEN log, .log or .log.gz")
+    parser.add_argument(
+        "--nodes", metavar="N", type=_whole(1), default=defaults.nodes, help="nodes a building"
+    )
+    parser.add_argument(
+        "--pairs", metavar="P", type=_whole(1), default=defaults.pairs, help="routes a building"
+    )
+    parser.add_argument("--seed", type=_whole(0), default=defaults.network.seed, help="of starts and targets")
+    parser.add_argument("--out", metavar="DIR", type=Path, default=Path("runs/evaluate-logs"), help="results")
+    parser.add_argument("--jobs", metavar="J", type=_whole(1), default=2, help="processes")
+    parser.set_defaults(func=run_evaluation)
+
+
+def run_evaluation(arguments: argparse.Namespace) -> int:
+    """Run ``snnav evaluate-logs``."""
+    check_directory(arguments.out, MARK)
+    settings = EvaluationSettings(arguments.nodes, arguments.pairs, NetworkSettings(seed=arguments.seed))
+    with counter("routes", len(arguments.logs) * (1 + arguments.pairs)) as progress:
+        results = evaluate(arguments.logs, settings, arguments.jobs, progress)
+    for result in results:
+        for warning in result.building.warnings:
+            print(f"warning: {warning}", file=sys.stderr)
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=_TABLE_WIDTH)
+    console.print(evaluation_table(results, settings.network.safety_margin))
+    write_evaluation(arguments.out, results, settings)
+    print(f"written: {arguments.out} (tables, figures, scenes of failed routes)")
+    return 0 if is_accepted(results) else 1

@@ -1,8 +1,9 @@
-"""Write a file whole or not at all."""
+"""Write a file or a directory whole or not at all."""
 
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import TypeVar
 
 from snnav_ros.bag.errors import BagError, one_line
 
-__all__ = ["write_atomically", "write_text"]
+__all__ = ["check_directory", "make_directory", "write_atomically", "write_text"]
 
 Result = TypeVar("Result")
 
@@ -46,3 +47,43 @@ def write_atomically(path: str | Path, write: Callable[[Path], Result]) -> Resul
 def write_text(path: str | Path, text: str) -> None:
     """Write a text file (UTF-8), whole or not at all."""
     write_atomically(path, lambda draft: draft.write_text(text, encoding="utf-8"))
+
+
+def check_directory(directory: str | Path, mark: str) -> Path:
+    """Return the path if results may be written there: it does not exist, is empty, or holds earlier results.
+
+    Raises
+    ------
+    BagError
+        If it is a file, or a directory with other files and without the file named `mark`.
+    """
+    path = Path(directory)
+    if path.exists() and not path.is_dir():
+        raise BagError(f"{path}: is a file; give the name of a directory")
+    if path.is_dir() and any(path.iterdir()) and not (path / mark).is_file():
+        raise BagError(f"{path}: holds other files; give a new or an empty directory")
+    return path
+
+
+def make_directory(directory: str | Path, mark: str, fill: Callable[[Path], None]) -> None:
+    """Let `fill` write into a draft directory and move that to its place; earlier results there are replaced.
+
+    Raises
+    ------
+    BagError
+        If the directory holds something else, or cannot be written.
+    """
+    path = check_directory(directory, mark)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        workplace = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+    except OSError as error:
+        raise BagError(f"{path}: cannot be written ({one_line(error)}); choose a writable place") from None
+    try:
+        (workplace / "new").mkdir()
+        fill(workplace / "new")
+        if path.exists():
+            path.rename(workplace / "old")
+        (workplace / "new").rename(path)
+    finally:
+        shutil.rmtree(workplace, ignore_errors=True)

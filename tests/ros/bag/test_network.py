@@ -99,7 +99,7 @@ def test_wrong_bags_are_named(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "odd") as bag:
         bag.write("scan", laser_scan(0, "laser", [1.0, 2.0], 0.0, 0.0, 10.0), 0)
         bag.write("pose", pose_stamped(0, "map", Pose2D(0, 0, 0)), 0)
-    with pytest.raises(NetworkError, match="scan stamped 0.000 s cannot be used: angle_increment is 0.0"):
+    with pytest.raises(NetworkError, match=r"scan stamped 0.000 s cannot be used: angle_increment is 0.0"):
         read_posed_scans(tmp_path / "odd", "scan", "pose")
 
 
