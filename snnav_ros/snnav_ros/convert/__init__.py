@@ -1,0 +1,46 @@
+"""Messages to values of the core and back: pure functions, exact in both directions.
+
+Readers (`..._from_message`) only read attributes, so they take messages of rclpy and of rosbags alike. Writers
+import the message packages when they are called.
+"""
+
+from snnav_ros.convert.area import area_from_message, area_to_message
+from snnav_ros.convert.frames import MAP_FRAME, check_frame, yaw_from_message, yaw_to_message
+from snnav_ros.convert.grid import area_to_grid
+from snnav_ros.convert.odometry import goal_from_message, odometry_to_message, state_from_message
+from snnav_ros.convert.path import path_from_message, path_to_message, stop_to_path
+from snnav_ros.convert.scan import scan_from_message, scan_to_message
+from snnav_ros.convert.stamps import (
+    nanoseconds,
+    nanoseconds_from_stamp,
+    seconds,
+    seconds_from_stamp,
+    stamp_message,
+)
+from snnav_ros.convert.verdict import Verdict, verdict_from_message, verdict_to_message
+
+__all__ = [
+    "MAP_FRAME",
+    "Verdict",
+    "area_from_message",
+    "area_to_grid",
+    "area_to_message",
+    "check_frame",
+    "goal_from_message",
+    "nanoseconds",
+    "nanoseconds_from_stamp",
+    "odometry_to_message",
+    "path_from_message",
+    "path_to_message",
+    "scan_from_message",
+    "scan_to_message",
+    "seconds",
+    "seconds_from_stamp",
+    "stamp_message",
+    "state_from_message",
+    "stop_to_path",
+    "verdict_from_message",
+    "verdict_to_message",
+    "yaw_from_message",
+    "yaw_to_message",
+]

@@ -1,0 +1,45 @@
+"""sensor_msgs/LaserScan and PlanarScan; the message holds single precision."""
+
+from __future__ import annotations
+
+import array
+from typing import Any
+
+import numpy as np
+
+from snnav_core.sensing.scan import PlanarScan
+from snnav_ros.convert.frames import header
+from snnav_ros.convert.stamps import seconds_from_stamp
+
+__all__ = ["scan_from_message", "scan_to_message"]
+
+
+def scan_to_message(scan: PlanarScan, frame: str, stamp_ns: int) -> Any:
+    """Return the LaserScan of a scan in the frame of its sensor, stamped `stamp_ns`."""
+    from sensor_msgs.msg import LaserScan
+
+    message = LaserScan(header=header(stamp_ns, frame))
+    message.angle_min = scan.angle_min
+    message.angle_increment = scan.angle_increment
+    message.angle_max = scan.angle_min + (scan.ranges.size - 1) * scan.angle_increment
+    message.range_min, message.range_max = scan.range_min, scan.range_max
+    message.ranges = array.array("f", scan.ranges.astype(np.float32).tobytes())
+    return message
+
+
+def scan_from_message(message: Any) -> PlanarScan:
+    """Return the scan of a LaserScan; `angle_max` is not used, the number of ranges counts.
+
+    Raises
+    ------
+    ScanError
+        If the scan cannot be used (see `PlanarScan`).
+    """
+    return PlanarScan(
+        stamp=seconds_from_stamp(message.header.stamp),
+        ranges=np.asarray(message.ranges, dtype=np.float32).astype(np.float64),
+        angle_min=float(message.angle_min),
+        angle_increment=float(message.angle_increment),
+        range_min=float(message.range_min),
+        range_max=float(message.range_max),
+    )

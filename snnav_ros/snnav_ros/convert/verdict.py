@@ -1,0 +1,96 @@
+"""What was decided for a robot and why, as a diagnostic_msgs/DiagnosticStatus on `<robot>/certificate`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from snnav_core.errors import InvalidInput
+from snnav_core.types import Certificate, PathSource, PlannedPath, Stop, StopReason
+from snnav_ros.convert.stamps import nanoseconds, seconds
+
+__all__ = ["Verdict", "verdict_from_message", "verdict_to_message"]
+
+_OK, _WARN, _ERROR = b"\x00", b"\x01", b"\x02"
+_TEXTS = ("robot_id", "path_digest", "reason")
+_NUMBERS = ("valid_until", "least_clearance", "least_separation", "least_radius", "area_stamp")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a certificate message says.
+
+    Parameters
+    ----------
+    stamp : float
+        Sample time of the decision [s].
+    robot_id : str
+    certificate : Certificate or None
+        Of the path; None for a stop.
+    stop : Stop or None
+        Why there is no path.
+    source : PathSource or None
+        Where the path comes from.
+    planning_distance : float or None
+        Distance to the boundary that the path was planned for [m].
+    """
+
+    stamp: float
+    robot_id: str
+    certificate: Certificate | None = None
+    stop: Stop | None = None
+    source: PathSource | None = None
+    planning_distance: float | None = None
+
+
+def verdict_to_message(decision: PlannedPath | Stop, stamp_ns: int) -> Any:
+    """Return the DiagnosticStatus of a decision; numbers are written so that reading gives the same float."""
+    from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+
+    robot = decision.robot_id
+    values = {"stamp": repr(seconds(stamp_ns))}
+    if isinstance(decision, Stop):
+        good = decision.reason is StopReason.ARRIVED
+        status = DiagnosticStatus(level=_OK if good else _WARN, message=decision.message)
+        values["stop"] = decision.reason.value
+    else:
+        certificate = decision.certificate
+        status = DiagnosticStatus(level=_OK if certificate.accepted else _ERROR)
+        status.message = "certified" if certificate.accepted else certificate.reason
+        values["accepted"] = "true" if certificate.accepted else "false"
+        values |= {name: getattr(certificate, name) for name in _TEXTS}
+        values |= {name: repr(float(getattr(certificate, name))) for name in _NUMBERS}
+        values["source"] = decision.source.value
+        values["planning_distance"] = repr(float(decision.planning_distance))
+    status.name, status.hardware_id = f"{robot}: path", robot
+    status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
+    return status
+
+
+def verdict_from_message(message: Any, topic: str = "certificate") -> Verdict:
+    """Return what a DiagnosticStatus says about a path or a stop.
+
+    Raises
+    ------
+    InvalidInput
+        With topic and key if one is missing or unreadable.
+    """
+    values = {pair.key: pair.value for pair in message.values}
+    robot = message.hardware_id
+    try:
+        stamp = seconds(nanoseconds(float(values["stamp"])))
+        if "stop" in values:
+            return Verdict(stamp, robot, stop=Stop(robot, StopReason(values["stop"]), message.message))
+        numbers = {name: float(values[name]) for name in _NUMBERS}
+        if values["accepted"] not in ("true", "false"):
+            raise ValueError(f"accepted is {values['accepted']!r}, expected true or false")
+        texts = {name: values[name] for name in _TEXTS}
+        certificate = Certificate(accepted=values["accepted"] == "true", **texts, **numbers)
+        source, distance = PathSource(values["source"]), float(values["planning_distance"])
+    except KeyError as error:
+        raise InvalidInput(
+            f"{topic}: key {error} is missing; send all keys of a certificate or of a stop"
+        ) from None
+    except ValueError as error:
+        raise InvalidInput(f"{topic}: {error}; send the keys as documented") from None
+    return Verdict(stamp, robot, certificate, source=source, planning_distance=distance)

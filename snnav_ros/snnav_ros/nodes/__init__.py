@@ -1,0 +1,1 @@
+"""The nodes: convert a message, call the core, publish."""

@@ -1,0 +1,73 @@
+"""The robots of a planner node, from a scene or from parameters."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from snnav_core.types import RobotSpec
+from snnav_ros.parameters import ParameterReader
+from snnav_sim.scene_types import Scene
+
+__all__ = ["PlannedRobot", "read_robots"]
+
+Target = tuple[float, float]
+
+_TEXTS = {
+    "radius": "Radius of the disk that covers the robot [m].",
+    "speed": "Constant travelling speed [m/s].",
+    "max_turn_rate": "Largest turn rate u_M [rad/s].",
+}
+
+
+@dataclass(frozen=True)
+class PlannedRobot:
+    """A robot and its first goal, if it has one from the start."""
+
+    spec: RobotSpec
+    target: Target | None
+
+
+def read_robots(reader: ParameterReader, scene: Scene | None) -> list[PlannedRobot]:
+    """Declare the parameters of all robots.
+
+    Parameters
+    ----------
+    reader : ParameterReader
+    scene : Scene or None
+        Its robots, unless the parameter `robots` names others.
+
+    Raises
+    ------
+    ParameterError
+        If there is no robot or a value is missing.
+    """
+    known = (
+        {} if scene is None else {robot.id: PlannedRobot(robot.spec, robot.target) for robot in scene.robots}
+    )
+    text = "Ids of the robots in order of priority, each with its own group of parameters; by default the scene's."
+    ids: tuple[str, ...] = reader.value("robots", tuple[str, ...], text, tuple(known))
+    if not ids:
+        reader.fail("robots", "is empty; list the ids of the robots, or give `scene`")
+    if len(set(ids)) != len(ids):
+        reader.fail("robots", f"value {list(ids)} names a robot twice; give different ids")
+    return [_read(reader, robot_id, known.get(robot_id)) for robot_id in ids]
+
+
+def _read(reader: ParameterReader, robot_id: str, known: PlannedRobot | None) -> PlannedRobot:
+    values = {}
+    for name, text in _TEXTS.items():
+        default = {} if known is None else {"default": getattr(known.spec, name)}
+        values[name] = reader.value(f"{robot_id}.{name}", float, text, **default)
+    turns = reader.value(
+        f"{robot_id}.can_turn_in_place",
+        bool,
+        "Whether the base may turn at speed zero (a differential drive can).",
+        True if known is None else known.spec.can_turn_in_place,
+    )
+    where = f"{robot_id}.target"
+    text = "First goal [m, map]; else the robot waits for `<robot>/goal_pose`."
+    target = reader.value(where, tuple[float, ...] | None, text, None if known is None else known.target)
+    if target is not None and (len(target) != 2 or not all(map(math.isfinite, target))):
+        reader.fail(where, f"value {list(target)} is no point; give two numbers [x, y]")
+    return PlannedRobot(RobotSpec(robot_id, can_turn_in_place=turns, **values), target)

@@ -1,0 +1,56 @@
+"""Quality of service of every topic (docs/interfaces.md)."""
+
+from __future__ import annotations
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+__all__ = [
+    "CLOCK",
+    "COMMAND",
+    "DIAGNOSTICS",
+    "DONE_INBOX",
+    "LATCHED",
+    "LOCKSTEP",
+    "ODOMETRY",
+    "ODOMETRY_INPUT",
+    "SENSOR",
+    "for_mode",
+]
+
+
+def _profile(depth: int, *, reliable: bool = True, latched: bool = False) -> QoSProfile:
+    return QoSProfile(
+        depth=depth,
+        history=HistoryPolicy.KEEP_LAST,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+SENSOR = _profile(5, reliable=False)
+"""`sensors/<id>/scan` in real time."""
+
+LATCHED = _profile(1, latched=True)
+"""`unoccupied_area`, `unoccupied_area/grid`."""
+
+ODOMETRY = _profile(10)
+ODOMETRY_INPUT = _profile(10, reliable=False)
+
+COMMAND = _profile(1)
+"""`<robot>/path`, `<robot>/certificate`, `<robot>/goal_pose`, `<robot>/cmd_vel`."""
+
+DIAGNOSTICS = _profile(10)
+
+CLOCK = _profile(1)
+"""`/clock` free running; subscribers ask for best effort."""
+
+LOCKSTEP = _profile(10, latched=True)
+"""Every topic of a lockstep run, on both sides: nothing is lost, and who is discovered late gets what he waits for."""
+
+DONE_INBOX = _profile(1000, latched=True)
+"""`lockstep/done` at the clock: one inbox for the words of all participants."""
+
+
+def for_mode(lockstep: bool, profile: QoSProfile) -> QoSProfile:
+    """Return `profile`, or in lockstep the profile of lockstep."""
+    return LOCKSTEP if lockstep else profile

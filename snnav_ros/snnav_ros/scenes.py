@@ -1,0 +1,35 @@
+"""A scene given to a node by its parameter `scene`: a file or the name of a shipped one."""
+
+from __future__ import annotations
+
+from snnav_ros.parameters import ParameterReader
+from snnav_sim.scene import Scene, SceneError, find_scene, load_scene
+
+__all__ = ["read_scene"]
+
+
+def read_scene(reader: ParameterReader, *, required: bool = False) -> Scene | None:
+    """Declare the parameter `scene` and return the scene it names, or None when it is empty.
+
+    Parameters
+    ----------
+    reader : ParameterReader
+    required : bool
+        Whether the node cannot do without.
+
+    Raises
+    ------
+    ParameterError
+        With file, line, key and remedy if the scene cannot be used.
+    """
+    name: str = reader.value(
+        "scene", str, "Scene file, or the name of a scene that comes with snnav_sim.", ""
+    )
+    if not name and required:
+        reader.fail("scene", "is not given; give a scene file or a name (`snnav scenes` lists them)")
+    if not name:
+        return None
+    try:
+        return load_scene(find_scene(name))
+    except SceneError as error:
+        reader.fail("scene", str(error))
