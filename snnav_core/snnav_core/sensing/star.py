@@ -31,6 +31,8 @@ class BeamFan:
         Direction of the first beam and step to the next [rad, sensor]; the step may be negative.
     jump_ratio, jump_distance : float
         Limits of a difference that counts as one surface [-], [m].
+    measured : ndarray, shape (B,), optional
+        The free lengths before beams were shortened [m]: what jumped then is no surface now.
     """
 
     free: FloatArray
@@ -38,13 +40,26 @@ class BeamFan:
     angle_increment: float
     jump_ratio: float
     jump_distance: float
+    measured: FloatArray | None = None
 
-    def ascending(self) -> tuple[FloatArray, float, float]:
-        """Free lengths counter-clockwise, the direction of the first of them and the step, both [rad, sensor]."""
-        if self.angle_increment > 0.0:
-            return self.free, self.angle_min, self.angle_increment
-        first = self.angle_min + (self.free.size - 1) * self.angle_increment
-        return self.free[::-1], first, -self.angle_increment
+    @property
+    def increment(self) -> float:
+        """Size of the step from beam to beam [rad]."""
+        return abs(self.angle_increment)
+
+    @property
+    def first_direction(self) -> float:
+        """Direction of the first beam in counter-clockwise order [rad, sensor]."""
+        return self.angle_min + min(self.angle_increment, 0.0) * (self.free.size - 1)
+
+    def ascending(self, values: FloatArray) -> FloatArray:
+        """Return values per beam in counter-clockwise order, or back from it."""
+        return values if self.angle_increment > 0.0 else values[::-1]
+
+    def is_jump(self, near: FloatArray, far: FloatArray) -> NDArray[np.bool_]:
+        """Return whether neighbouring lengths [m] end on different surfaces."""
+        limit = self.jump_ratio * np.minimum(near, far) * self.increment + self.jump_distance
+        return np.asarray(np.abs(near - far) > limit)
 
 
 def star_rings(fan: BeamFan, pose: Pose2D) -> tuple[FloatArray, ...]:
@@ -71,18 +86,18 @@ def star_rings(fan: BeamFan, pose: Pose2D) -> tuple[FloatArray, ...]:
     Deviation (C3-7, C3-8): the thesis draws the detected area as given; here it is built from discrete beams
     with the shorter neighbour at range jumps, and a sector includes the sensor.
     """
-    free, first, increment = fan.ascending()
-    free = _fold_overlap(free, increment)
-    gap = _TURN - (free.size - 1) * increment
-    closed = gap <= _CLOSING_GAP * increment
-    angles = pose.heading + first + increment * np.arange(free.size)
+    increment = fan.increment
+    free = _fold_overlap(fan.ascending(fan.free), increment)
+    measured = free if fan.measured is None else _fold_overlap(fan.ascending(fan.measured), increment)
+    closed = _TURN - (free.size - 1) * increment <= _CLOSING_GAP * increment
+    angles = pose.heading + fan.first_direction + increment * np.arange(free.size)
     directions = np.column_stack((np.cos(angles), np.sin(angles)))
     if closed:
-        free = np.append(free, free[0])
+        free, measured = np.append(free, free[0]), np.append(measured, measured[0])
         directions = np.vstack((directions, directions[:1]))
     near, far = free[:-1], free[1:]
     shorter = np.minimum(near, far)
-    jump = np.abs(near - far) > fan.jump_ratio * shorter * increment + fan.jump_distance
+    jump = fan.is_jump(near, far) | fan.is_jump(measured[:-1], measured[1:])
     lengths = np.column_stack((np.where(jump, shorter, near), np.where(jump, shorter, far)))
     return _collect(lengths, directions, shorter > 0.0, pose.position, closed)
 
@@ -138,6 +153,7 @@ def shorten_fan(
     Parameters
     ----------
     fan : BeamFan
+        As measured, not shortened before.
     pose : Pose2D
         Pose of the sensor [map].
     obstacles : ndarray, shape (K, 2)
@@ -149,18 +165,23 @@ def shorten_fan(
     Returns
     -------
     fan : BeamFan
-        Both beams beside such a point end at its distance; never longer than before.
+        Both beams beside such a point end at its distance; its rings enclose no more than before.
     inside : ndarray, shape (K,)
         How far each point lies inside, square to the outline of its wedge [m]; 0 outside.
     """
-    free, first, increment = fan.ascending()
     offset = obstacles - pose.position
     distance = np.hypot(offset[:, 0], offset[:, 1])
-    bearing = np.arctan2(offset[:, 1], offset[:, 0]) - pose.heading - first
+    bearing = np.arctan2(offset[:, 1], offset[:, 0]) - pose.heading - fan.first_direction
     shortened, inside = _shorten(
-        np.ascontiguousarray(free), increment, fan.jump_ratio, fan.jump_distance, distance, bearing, depth
+        np.ascontiguousarray(fan.ascending(fan.free)),
+        fan.increment,
+        fan.jump_ratio,
+        fan.jump_distance,
+        distance,
+        bearing,
+        depth,
     )
-    return replace(fan, free=shortened if fan.angle_increment > 0.0 else shortened[::-1]), inside
+    return replace(fan, free=fan.ascending(shortened), measured=fan.free), inside
 
 
 @numba.njit(cache=True)
