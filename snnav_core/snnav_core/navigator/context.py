@@ -17,7 +17,7 @@ from snnav_core.types import FloatArray
 
 __all__ = ["AreaContext", "Disks"]
 
-_SIMPLIFICATION_SHARE = 0.01
+_SIMPLIFICATION_SHARE = 0.0025
 
 Disks = tuple[tuple[float, float, float], ...]
 """Disks of standing robots: x, y, radius [m, map]; a hashable value."""
@@ -30,7 +30,7 @@ class AreaContext:
     ----------
     area : UnoccupiedArea
     simplification : float
-        Upper limit for the reductions [m], see `reduce_area`; never more than 1 % of their distance, which would close
+        Upper limit for the reductions [m], see `reduce_area`; never more than 0.25 % of their distance, which would close
         narrow passages.
     """
 

@@ -19,6 +19,7 @@ __all__ = ["Route", "find_route", "route_candidates", "turn_heading"]
 
 _LEVELS = (1.0, 0.6, 0.3, 0.0)
 _DETOUR = 1.02
+_MAX_TRIED = 60
 
 
 @dataclass(frozen=True)
@@ -134,10 +135,13 @@ def _complete_candidates(
 ) -> list[Candidate]:
     tree = context.goal_tree(route.curves, route.target)
     demanded = np.minimum(distances.demanded(), route.distance)
+    climb = 0.0
+    if not route.start_inside:
+        climb = 2.0 * (route.distance - context.clearance(pose.position)) + 2.0 * distances.circle_radius
     found: list[Candidate] = []
     for circle in initial_circles(pose, distances.circle_radius):
-        for length, angle, chain in tree.options(circle):
-            if found and length > 1.5 * found[0].length:
+        for tried, (length, angle, chain) in enumerate(tree.options(circle, climb)):
+            if tried >= _MAX_TRIED or (found and length > 1.5 * found[0].length):
                 break
             arc = circle.arc(angle, 0.5 * distances.link)
             if not _is_clear(context, np.vstack((arc, chain[1:2])), demanded, route, distances, settings):

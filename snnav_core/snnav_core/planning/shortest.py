@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,8 @@ from snnav_core.planning.curves import AreaCurves
 from snnav_core.types import FloatArray, Pose2D
 
 __all__ = ["GoalTree", "InitialCircle", "initial_circles"]
+
+_CHUNK = 64
 
 
 @dataclass(frozen=True)
@@ -136,24 +139,41 @@ class GoalTree:
         best = int(np.argmin(length))
         return np.vstack((point, self.chain(best))) if math.isfinite(length[best]) else None
 
-    def options(self, circle: InitialCircle) -> list[tuple[float, float, FloatArray]]:
-        """Ways to leave an initial circle towards a node, shortest first, not yet tested for obstacles.
+    def options(self, circle: InitialCircle, climb: float) -> Iterator[tuple[float, float, FloatArray]]:
+        """Ways to leave an initial circle towards a node, shortest first.
 
-        Returns
-        -------
-        list of (length [m], driven angle on the circle [rad], chain (M, 2) [m, map] from the tangent point)
+        Parameters
+        ----------
+        circle : InitialCircle
+        climb : float
+            Length of the straight part, from its start on, that may lie outside the area [m].
+
+        Yields
+        ------
+        length, angle, chain
+            Whole length [m], driven angle on the circle [rad], points (M, 2) [m, map] from the tangent point on. The
+            straight part crosses no curve; the arc is not tested.
         """
         angle, points, straight = circle.departures(self.nodes)
         total = circle.radius * angle + straight + self.distance
-        # The line must touch the corner on the side on which the chain goes on.
         if len(self.nodes) > 1:
-            corners = self.curves.corners
-            corner = self.nodes[:-1]
-            line = corner - points[:-1]
-            back, ahead = self.curves.before[corners] - corner, self.curves.ends[corners] - corner
-            ca = line[:, 0] * back[:, 1] - line[:, 1] * back[:, 0]
-            cb = line[:, 0] * ahead[:, 1] - line[:, 1] * ahead[:, 0]
-            total[:-1][~(ca * cb >= -1e-9)] = math.inf
+            total[:-1][~self._passes_outside(points[:-1])] = math.inf
         order = np.argsort(total, kind="stable")
         order = order[np.isfinite(total[order])]
-        return [(float(total[i]), float(angle[i]), np.vstack((points[i], self.chain(int(i))))) for i in order[:60]]
+        for begin in range(0, len(order), _CHUNK):
+            chunk = order[begin : begin + _CHUNK]
+            # Seen from the node: a start outside of the area is crossed last.
+            share, _ = self.curves.first_hits(self.nodes[chunk], points[chunk])
+            left = np.where(np.isfinite(share), (1.0 - share) * straight[chunk], 0.0)
+            for i in chunk[left <= climb]:
+                yield float(total[i]), float(angle[i]), np.vstack((points[i], self.chain(int(i))))
+
+    def _passes_outside(self, points: FloatArray) -> np.ndarray:  # type: ignore[type-arg]
+        """Whether the line from each point (N, 2) to its corner touches that corner from outside."""
+        corners = self.curves.corners
+        corner = self.nodes[:-1]
+        line = corner - points
+        back, ahead = self.curves.before[corners] - corner, self.curves.ends[corners] - corner
+        ca = line[:, 0] * back[:, 1] - line[:, 1] * back[:, 0]
+        cb = line[:, 0] * ahead[:, 1] - line[:, 1] * ahead[:, 0]
+        return np.asarray(ca * cb >= -1e-9)
