@@ -125,11 +125,11 @@ def read_polygon(field: Field) -> Polygon:
         if math.dist(vertex, vertices[index - 1]) < 1e-6:
             items[index].fail(f"vertex [{vertex[0]:g}, {vertex[1]:g}] repeats the one before it", "remove it")
     polygon = shapely.Polygon(vertices)
-    if not polygon.is_valid:
+    if shapely.MultiPoint(vertices).convex_hull.area < 1e-6:
+        field.fail("the polygon has no area", "its vertices must not lie on one line")
+    if not polygon.is_valid or polygon.area < 1e-6:
         reason = shapely.is_valid_reason(polygon)
         field.fail(f"the border crosses itself ({reason})", "list the vertices in order round the shape")
-    if polygon.area < 1e-6:
-        field.fail("the polygon has no area", "its vertices must not lie on one line")
     return Polygon(tuple(vertices))
 
 
