@@ -25,7 +25,7 @@ SIMULATION, NODES, COMMAND_LINE = CORE, CORE + 1, CORE + 2
 # What each package may import besides the standard library and the packages below it.
 THIRD_PARTY = {
     "snnav_core": {"numpy", "scipy", "shapely", "numba"},
-    "snnav_sim": {"numpy", "scipy", "shapely", "numba", "yaml", "matplotlib"},
+    "snnav_sim": {"numpy", "scipy", "shapely", "numba", "yaml", "matplotlib", "rich"},
 }
 
 LONGEST_MODULE = 400
