@@ -13,6 +13,7 @@ __all__ = [
     "LOCKSTEP",
     "ODOMETRY",
     "ODOMETRY_INPUT",
+    "RECORDED",
     "SENSOR",
     "for_mode",
 ]
@@ -40,6 +41,9 @@ COMMAND = _profile(1)
 """`<robot>/path`, `<robot>/certificate`, `<robot>/goal_pose`, `<robot>/cmd_vel`."""
 
 DIAGNOSTICS = _profile(10)
+
+RECORDED = _profile(100)
+"""What the recorder of a run hears in real time, scans excepted."""
 
 CLOCK = _profile(1)
 """`/clock` free running; subscribers ask for best effort."""

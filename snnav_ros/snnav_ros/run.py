@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import signal
 import sys
 from collections.abc import Sequence
@@ -13,7 +14,10 @@ from typing import Any
 from snnav_core.errors import SnnavError
 from snnav_ros.available import make_executor, require_ros
 
-__all__ = ["run_node", "spin"]
+__all__ = ["PARENT_VARIABLE", "run_node", "spin"]
+
+PARENT_VARIABLE = "SNNAV_PARENT"
+"""Environment variable with the process that started this one; when that is gone, the node ends."""
 
 _LONGEST_WAIT = 0.5  # [s]
 
@@ -75,10 +79,11 @@ def _run(module: str, name: str, arguments: Sequence[str]) -> int:
 
 
 def spin(executor: Any) -> None:
-    """Work until the context of ROS is shut down (`spin` of the events executor would not return)."""
+    """Work until ROS is shut down or the parent is gone (`spin` of the events executor would not return)."""
     from rclpy.utilities import ok
 
-    while ok():
+    parent = int(os.environ.get(PARENT_VARIABLE, "0"))
+    while ok() and parent in (0, os.getppid()):
         executor.spin_once(timeout_sec=_LONGEST_WAIT)
 
 

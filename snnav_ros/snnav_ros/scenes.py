@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+from pathlib import Path
+
 from snnav_ros.parameters import ParameterReader
 from snnav_sim.scene import Scene, SceneError, find_scene, load_scene
 
@@ -30,6 +33,13 @@ def read_scene(reader: ParameterReader, *, required: bool = False) -> Scene | No
     if not name:
         return None
     try:
-        return load_scene(find_scene(name))
+        path = find_scene(name)
+        return _load(path, path.stat().st_mtime_ns)
     except SceneError as error:
         reader.fail("scene", str(error))
+
+
+@lru_cache(maxsize=4)
+def _load(path: Path, _: int) -> Scene:
+    """Read a scene once for all nodes of a process; the time of its last change keeps the memory honest."""
+    return load_scene(path)

@@ -1,0 +1,204 @@
+"""Run a whole scene through the nodes: in one process, or as separate processes."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from snnav_core.errors import SnnavError
+from snnav_ros.available import make_executor, require_ros
+from snnav_ros.bag.writer import BagWriter
+from snnav_ros.domain import free_domain
+from snnav_ros.processes import ChildProcesses
+from snnav_ros.recorder import RunCollector, RunProgress
+from snnav_sim.report.record import RunRecord
+from snnav_sim.scene import Scene, dump_scene
+
+__all__ = ["BringupError", "NodePlan", "plan_nodes", "run_scene"]
+
+_CLOCK, _FUSION, _PLANNER = "clock_node", "fusion_node", "planner_node"
+_WAIT = 0.2  # [s] from one look at the child processes to the next
+
+
+class BringupError(SnnavError):
+    """A run of nodes could not go on."""
+
+
+@dataclass(frozen=True)
+class NodePlan:
+    """One node of a scene.
+
+    Parameters
+    ----------
+    name : str
+        Name of the node.
+    module : str
+        Of snnav_ros.nodes, without the ending of its executable: ``fusion`` stands for ``fusion_node``.
+    class_name : str
+    parameters : mapping
+    """
+
+    name: str
+    module: str
+    class_name: str
+    parameters: Mapping[str, Any]
+
+
+def plan_nodes(scene: Scene, scene_file: Path, *, realtime: bool, seed: int) -> list[NodePlan]:
+    """Return the nodes that a scene needs, the clock last."""
+    common = {"scene": str(scene_file), "lockstep": not realtime, "use_sim_time": True}
+    plans = [
+        NodePlan(sensor.id, "lms200", "Lms200Node", {**common, "sensor_id": sensor.id, "seed": seed})
+        for sensor in scene.sensors
+    ]
+    plans.append(NodePlan(_FUSION, "fusion", "FusionNode", common))
+    plans.append(NodePlan(_PLANNER, "planner", "PlannerNode", common))
+    plans += [
+        NodePlan(robot.id, "robot", "RobotNode", {**common, "robot_id": robot.id}) for robot in scene.robots
+    ]
+    clock: dict[str, Any] = {**common, "use_sim_time": False}
+    if not realtime:
+        from snnav_ros.nodes.recorder import RECORDER
+
+        clock["every_tick"] = [robot.id for robot in scene.robots] + [RECORDER]
+    return [*plans, NodePlan(_CLOCK, "clock", "ClockNode", clock)]
+
+
+def run_scene(
+    scene: Scene,
+    *,
+    processes: bool = False,
+    realtime: bool = False,
+    seed: int | None = None,
+    bag: Path | None = None,
+    progress: RunProgress | None = None,
+) -> RunRecord:
+    """Run a scene through the nodes until all robots arrived, the time limit, or nothing will change any more.
+
+    Parameters
+    ----------
+    scene : Scene
+    processes : bool
+        Every node as a process of its own instead of all in this one.
+    realtime : bool
+        Simulated time goes like time on the wall instead of in lockstep.
+    seed : int, optional
+        Instead of the seed of the scene.
+    bag : Path, optional
+        Rosbag2 directory to record all topics into; it appears when the run is complete.
+    progress : callable, optional
+        Called once per sampling interval with the simulated time and the record up to then.
+
+    Returns
+    -------
+    RunRecord
+
+    Raises
+    ------
+    MissingRos
+        If there is no rclpy.
+    BringupError
+        If a process of a node ended before the run did.
+    """
+    require_ros("running a scene through the nodes")
+    record = RunRecord(scene.seed if seed is None else seed)
+    record.versions |= {"rclpy": version("rclpy"), "rmw": _middleware()}
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    with ExitStack() as stack:
+        domain = stack.enter_context(free_domain())
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="snnav-")))
+        scene_file = folder / "scene.yaml"
+        scene_file.write_text(dump_scene(scene), encoding="utf-8")
+        writer = None if bag is None else stack.enter_context(BagWriter(bag))
+        collector = RunCollector(scene, record, writer, not realtime, progress)
+        plans = plan_nodes(scene, scene_file, realtime=realtime, seed=record.seed)
+        children = None
+        if processes:
+            children = stack.enter_context(ChildProcesses(folder, domain))
+            for plan in plans:
+                children.start(plan.name, f"snnav_ros.nodes.{plan.module}_node", plan.parameters)
+            plans = []
+        context = stack.enter_context(_ros(domain))
+        executor = stack.enter_context(_executor(context))
+        _add_nodes(stack, executor, context, scene, plans, collector, lockstep=not realtime)
+        _spin(executor, collector, children)
+        collector.close()
+    return record
+
+
+def _middleware() -> str:
+    from rclpy.utilities import get_rmw_implementation_identifier
+
+    return str(get_rmw_implementation_identifier())
+
+
+@contextmanager
+def _ros(domain: int) -> Iterator[Any]:
+    """Provide a context of ROS of its own; signals stay with Python."""
+    import rclpy
+
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context, domain_id=domain)
+    try:
+        yield context
+    finally:
+        rclpy.try_shutdown(context=context)
+
+
+@contextmanager
+def _executor(context: Any) -> Iterator[Any]:
+    executor = make_executor(context)
+    try:
+        yield executor
+    finally:
+        executor.shutdown()
+
+
+def _add_nodes(
+    stack: ExitStack,
+    executor: Any,
+    context: Any,
+    scene: Scene,
+    plans: list[NodePlan],
+    collector: RunCollector,
+    *,
+    lockstep: bool,
+) -> None:
+    """Make the recorder and the planned nodes; they are destroyed when the stack unwinds."""
+    import importlib
+
+    from rclpy.logging import LoggingSeverity, set_logger_level
+
+    from snnav_ros.nodes.base import NodeOptions
+    from snnav_ros.nodes.recorder import RecorderNode
+
+    def add(node: Any) -> None:
+        stack.callback(node.destroy_node)
+        executor.add_node(node)
+
+    recorder_parameters = {"use_sim_time": not lockstep}
+    options = NodeOptions(parameters=recorder_parameters, context=context, lean=True)
+    add(RecorderNode(options, scene, collector, lockstep))
+    for plan in plans:
+        set_logger_level(plan.name, LoggingSeverity.WARN)
+        node_class = getattr(importlib.import_module(f"snnav_ros.nodes.{plan.module}"), plan.class_name)
+        add(node_class(NodeOptions(plan.name, plan.parameters, context, lean=True)))
+
+
+def _spin(executor: Any, collector: RunCollector, children: ChildProcesses | None) -> None:
+    import time
+
+    look = time.monotonic()
+    while not collector.finished:
+        executor.spin_once(timeout_sec=_WAIT)
+        if children is not None and time.monotonic() - look > _WAIT:
+            look = time.monotonic()
+            ended = children.ended()
+            if ended:
+                raise BringupError(ended)

@@ -1,0 +1,86 @@
+"""The node that hears everything of a scene; the bring-up makes it in its own process."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseStamped, Twist
+from nav_msgs.msg import OccupancyGrid, Odometry, Path
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import LaserScan, PointCloud2
+
+from snnav_ros.convert import MAP_FRAME, nanoseconds, stamp_message
+from snnav_ros.convert.frames import header
+from snnav_ros.lockstep import Participant
+from snnav_ros.nodes.base import NodeOptions
+from snnav_ros.qos import COMMAND, LATCHED, RECORDED, SENSOR, for_mode
+from snnav_ros.recorder import RunCollector
+from snnav_sim.scene_types import RobotScene, Scene
+
+__all__ = ["RECORDER", "RecorderNode"]
+
+RECORDER = "recorder"
+
+
+class RecorderNode(Node):
+    """Gives every message to a RunCollector; in lockstep nothing goes on before it has all of a tick.
+
+    It also says the goals of the scene on `<robot>/goal_pose`, as a person would.
+    """
+
+    def __init__(self, options: NodeOptions, scene: Scene, collector: RunCollector, lockstep: bool) -> None:
+        super().__init__(options.name or RECORDER, **options.keywords())
+        self._collector = collector
+        self._sample_ns = nanoseconds(scene.sampling_interval)
+        self._participant: Participant | None = None
+        recorded, latched = for_mode(lockstep, RECORDED), for_mode(lockstep, LATCHED)
+        scans = for_mode(lockstep, SENSOR)
+        for sensor in scene.sensors:
+            self._hear(LaserScan, f"sensors/{sensor.id}/scan", partial(collector.take_data, sensor.id), scans)
+        self._hear(PointCloud2, "unoccupied_area", partial(collector.take_data, "area"), latched)
+        self._hear(OccupancyGrid, "unoccupied_area/grid", partial(collector.take_data, "grid"), latched)
+        self._hear(DiagnosticArray, "/diagnostics", collector.take_diagnostics, recorded)
+        for robot in scene.robots:
+            name = robot.id
+            self._hear(Odometry, f"{name}/odom", partial(collector.take_odometry, name), recorded)
+            self._hear(Twist, f"{name}/cmd_vel", partial(collector.take_command, name), recorded)
+            self._hear(Path, f"{name}/path", partial(collector.take_path, name), recorded)
+            self._hear(
+                DiagnosticStatus, f"{name}/certificate", partial(collector.take_verdict, name), recorded
+            )
+            self._say_goal(robot)
+        if lockstep:
+            self._participant = Participant(
+                self, nanoseconds(scene.control_period), self._on_tick, lambda: None
+            )
+
+    def _hear(self, kind: Any, topic: str, take: Any, qos: QoSProfile) -> None:
+        def on_message(message: Any) -> None:
+            take(topic, message)
+            self._go_on_when_complete()
+
+        self.create_subscription(kind, topic, on_message, qos)
+
+    def _say_goal(self, robot: RobotScene) -> None:
+        topic = f"{robot.id}/goal_pose"
+        goal = PoseStamped(header=header(0, MAP_FRAME))
+        goal.pose.position.x, goal.pose.position.y = robot.target
+        goal.pose.orientation.w = 1.0
+        self.create_publisher(PoseStamped, topic, COMMAND).publish(goal)
+        self._collector.write(topic, goal, 0)
+
+    def _on_tick(self, tick: int) -> None:
+        self._collector.write("/clock", Clock(clock=stamp_message(tick)), tick)
+        self._go_on_when_complete()
+
+    def _go_on_when_complete(self) -> None:
+        """In lockstep: let time go on when all of the present tick is recorded, but not past the end of the run."""
+        if self._participant is None or self._participant.due is None or self._collector.ended:
+            return
+        tick = self._participant.due
+        if self._collector.complete(tick, tick % self._sample_ns == 0):
+            self._participant.done()

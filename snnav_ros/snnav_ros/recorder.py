@@ -1,0 +1,178 @@
+"""What happened in a run of nodes: from their messages to a RunRecord and a bag."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from snnav_core.types import Pose2D, TimedPath, VelocityCommand
+from snnav_ros.bag.writer import BagWriter
+from snnav_ros.convert import (
+    Verdict,
+    nanoseconds,
+    nanoseconds_from_stamp,
+    path_from_message,
+    seconds,
+    state_from_message,
+    verdict_from_message,
+)
+from snnav_sim.ending import EndWatch
+from snnav_sim.report.record import Decision, RunRecord
+from snnav_sim.scene_types import Scene
+
+__all__ = ["RunCollector", "RunProgress"]
+
+RunProgress = Callable[[float, RunRecord], None]
+"""Called once per sampling interval with the simulated time [s] and what is recorded up to then."""
+
+_STEPS = ("fusion", "planner")  # diagnostic statuses that tell how long a step took
+
+
+@dataclass
+class _Robot:
+    """What is known of one robot, and messages that wait for their partners."""
+
+    stamp: int = -1
+    pose: Pose2D | None = None
+    motion: VelocityCommand = field(default_factory=lambda: VelocityCommand(0.0, 0.0))
+    commands: int = 0
+    paths: dict[int, TimedPath | None] = field(default_factory=dict)
+    verdicts: dict[int, Verdict] = field(default_factory=dict)
+
+
+class RunCollector:
+    """Takes every message of a run, in the order of each topic, and knows what is complete.
+
+    Parameters
+    ----------
+    scene : Scene
+    record : RunRecord
+        Is filled.
+    bag : BagWriter or None
+        Gets every message, stamped with its simulated time.
+    lockstep : bool
+        Whether nothing is ever lost: then the run is finished when all of its last instant is there.
+    progress : callable, optional
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        record: RunRecord,
+        bag: BagWriter | None,
+        lockstep: bool,
+        progress: RunProgress | None = None,
+    ) -> None:
+        self.record = record
+        self._bag, self._lockstep, self._progress = bag, lockstep, progress
+        self._control_ns = nanoseconds(scene.control_period)
+        self._robots = {robot.id: _Robot() for robot in scene.robots}
+        self._latest: dict[str, int] = {sensor.id: -1 for sensor in scene.sensors}
+        self._latest |= dict.fromkeys(("area", "grid", *_STEPS), -1)
+        self._watch = EndWatch(scene)
+        self._decided = -1
+
+    @property
+    def ended(self) -> bool:
+        """Whether the decisions of the last instant are known."""
+        return bool(self.record.reason)
+
+    @property
+    def finished(self) -> bool:
+        """Whether the run has ended and, in lockstep, all of its last instant is recorded."""
+        return self.ended and (not self._lockstep or self.complete(self._decided, True))
+
+    def complete(self, tick: int, sampled: bool) -> bool:
+        """Whether everything of a tick [ns] is there; at a sampling instant also scans, area and decisions."""
+        for robot in self._robots.values():
+            if robot.stamp < tick or (robot.commands - 1) * self._control_ns < tick:
+                return False
+        return not sampled or (self._decided >= tick and min(self._latest.values()) >= tick)
+
+    def close(self) -> None:
+        """Note where the robots are at the end."""
+        for name, robot in self._robots.items():
+            self._note(name, robot, robot.motion)
+
+    def write(self, topic: str, message: Any, stamp: int) -> None:
+        """Put a message into the bag only."""
+        if self._bag is not None:
+            self._bag.write(topic, message, stamp)
+
+    def take_data(self, key: str, topic: str, message: Any) -> None:
+        """Take a scan, the area or its grid; the key is the id of the sensor, `area` or `grid`."""
+        stamp = nanoseconds_from_stamp(message.header.stamp)
+        self.write(topic, message, stamp)
+        self._latest[key] = max(self._latest[key], stamp)
+
+    def take_diagnostics(self, topic: str, message: Any) -> None:
+        """Take diagnostics: they tell how long fusion and planner worked."""
+        stamp = nanoseconds_from_stamp(message.header.stamp)
+        self.write(topic, message, stamp)
+        for status in message.status:
+            if status.name in _STEPS:
+                values = {pair.key: pair.value for pair in status.values}
+                steps = self.record.fusion_seconds if status.name == "fusion" else self.record.planner_seconds
+                steps.append(1e-3 * float(values["step_ms"]))
+                self._latest[status.name] = max(self._latest[status.name], stamp)
+
+    def take_odometry(self, name: str, topic: str, message: Any) -> None:
+        """Take the pose of a robot; its speeds are those it drove with since the last pose."""
+        robot, stamp = self._robots[name], nanoseconds_from_stamp(message.header.stamp)
+        self.write(topic, message, stamp)
+        twist = message.twist.twist
+        self._note(name, robot, VelocityCommand(twist.linear.x, twist.angular.z))
+        robot.stamp, robot.pose = stamp, state_from_message(message, name, topic).pose
+
+    def take_command(self, name: str, topic: str, message: Any) -> None:
+        """Take the command of a robot; it has no stamp: in lockstep the n-th is the one of the n-th tick."""
+        robot = self._robots[name]
+        stamp = robot.commands * self._control_ns if self._lockstep else max(robot.stamp, 0)
+        robot.commands += 1
+        robot.motion = VelocityCommand(message.linear.x, message.angular.z)
+        self.write(topic, message, stamp)
+
+    def _note(self, name: str, robot: _Robot, motion: VelocityCommand) -> None:
+        if robot.pose is not None and (not self.ended or robot.stamp <= self._decided):
+            self.record.add_sample(name, seconds(robot.stamp), robot.pose, motion)
+
+    def take_path(self, name: str, topic: str, message: Any) -> None:
+        """Take a path or a stop."""
+        stamp = nanoseconds_from_stamp(message.header.stamp)
+        self.write(topic, message, stamp)
+        self._robots[name].paths[stamp] = path_from_message(message, topic)
+        self._decide(stamp)
+
+    def take_verdict(self, name: str, topic: str, message: Any) -> None:
+        """Take the certificate of a path or the reason of a stop."""
+        verdict = verdict_from_message(message, topic)
+        stamp = nanoseconds(verdict.stamp)
+        self.write(topic, message, stamp)
+        self._robots[name].verdicts[stamp] = verdict
+        self._decide(stamp)
+
+    def _decide(self, stamp: int) -> None:
+        """Note the decisions of an instant when those of all robots are there."""
+        robots = self._robots.values()
+        if self.ended or not all(stamp in robot.paths and stamp in robot.verdicts for robot in robots):
+            return
+        stops: dict[str, str] = {}
+        for name, robot in self._robots.items():
+            path, verdict = robot.paths.pop(stamp), robot.verdicts.pop(stamp)
+            decision = _decision(seconds(stamp), name, path, verdict)
+            self.record.decisions.append(decision)
+            if path is None:
+                stops[name] = decision.reason
+        self._decided = stamp
+        self.record.reason = self._watch.update(seconds(stamp), stops)
+        if self._progress is not None:
+            self._progress(seconds(stamp), self.record)
+
+
+def _decision(time: float, name: str, path: TimedPath | None, verdict: Verdict) -> Decision:
+    if path is None:
+        reason = "" if verdict.stop is None else verdict.stop.reason.value
+        return Decision(time, name, None, reason, "" if verdict.stop is None else verdict.stop.message)
+    source = "" if verdict.source is None else verdict.source.value
+    return Decision(time, name, path, planning_distance=verdict.planning_distance, source=source)
