@@ -106,26 +106,30 @@ def _query(points, limit, starts, ends, normals_start, normals_end, offsets, mem
         if found < 0:
             distance[i] = limit
             continue
-        ax, ay = starts[found, 0], starts[found, 1]
-        dx, dy = ends[found, 0] - ax, ends[found, 1] - ay
-        qx, qy = px - ax - found_t * dx, py - ay - found_t * dy
-        length = math.sqrt(dx * dx + dy * dy)
-        nx_, ny_ = -dy / length, dx / length
-        if found_t == 0.0:
-            nx_, ny_ = normals_start[found, 0], normals_start[found, 1]
-        elif found_t == 1.0:
-            nx_, ny_ = normals_end[found, 0], normals_end[found, 1]
-        rho = math.sqrt(best)
-        side = qx * nx_ + qy * ny_
-        sign = 1.0 if side >= 0.0 else -1.0
-        distance[i] = sign * rho
-        if rho > 1e-9:
-            gradient[i, 0], gradient[i, 1] = sign * qx / rho, sign * qy / rho
-        else:
-            norm = math.sqrt(nx_ * nx_ + ny_ * ny_)
-            if norm > 1e-12:
-                gradient[i, 0], gradient[i, 1] = nx_ / norm, ny_ / norm
+        distance[i], gradient[i, 0], gradient[i, 1] = _signed(
+            px, py, found_t, starts[found], ends[found], normals_start[found], normals_end[found]
+        )
     return distance, gradient
+
+
+@numba.njit(cache=True)
+def _signed(px, py, share, start, end, normal_start, normal_end):  # type: ignore[no-untyped-def]
+    """Signed distance of a point to the nearest point of the boundary, at a share of a segment; its gradient."""
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    qx, qy = px - start[0] - share * dx, py - start[1] - share * dy
+    nx, ny = -dy, dx
+    if share == 0.0:
+        nx, ny = normal_start[0], normal_start[1]
+    elif share == 1.0:
+        nx, ny = normal_end[0], normal_end[1]
+    rho = math.sqrt(qx * qx + qy * qy)
+    if rho > 1e-9:
+        sign = 1.0 if qx * nx + qy * ny >= 0.0 else -1.0
+        return sign * rho, sign * qx / rho, sign * qy / rho
+    norm = math.sqrt(nx * nx + ny * ny)
+    if norm > 1e-12:
+        return rho, nx / norm, ny / norm
+    return rho, 0.0, 0.0
 
 
 class ClearanceField:

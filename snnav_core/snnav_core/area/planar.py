@@ -16,7 +16,15 @@ from snnav_core.area.clearance import ClearanceField
 from snnav_core.errors import InvalidInput
 from snnav_core.types import FloatArray
 
-__all__ = ["UnoccupiedArea", "as_multipolygon", "component_at", "grow", "reduce_area", "remove_disks", "shrink"]
+__all__ = [
+    "UnoccupiedArea",
+    "as_multipolygon",
+    "component_at",
+    "grow",
+    "reduce_area",
+    "remove_disks",
+    "shrink",
+]
 
 _QUAD_SEGMENTS = 8
 # A polygonal arc of a buffer lies inside the true circle; enlarging the distance puts it outside. GEOS rounds the
@@ -80,8 +88,15 @@ class UnoccupiedArea:
         polygons: list[tuple[FloatArray, list[FloatArray]]] = []
         for index, ring in enumerate(rings):
             points = np.asarray(ring, dtype=np.float64)
-            if points.ndim != 2 or points.shape[0] < 3 or points.shape[1] != 2 or not np.isfinite(points).all():
-                raise InvalidInput(f"ring {index} has shape {points.shape}: expected at least three finite points")
+            if (
+                points.ndim != 2
+                or points.shape[0] < 3
+                or points.shape[1] != 2
+                or not np.isfinite(points).all()
+            ):
+                raise InvalidInput(
+                    f"ring {index} has shape {points.shape}: expected at least three finite points"
+                )
             x, y = points[:, 0], points[:, 1]
             if float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) > 0.0:
                 polygons.append((points, []))
@@ -99,7 +114,9 @@ class UnoccupiedArea:
 
     def restamped(self, stamp: float, contradictions: Mapping[str, int] | None = None) -> UnoccupiedArea:
         """The same region at another time [s], sharing what was computed from it."""
-        twin = UnoccupiedArea(stamp, self.region, self.contradictions if contradictions is None else contradictions)
+        twin = UnoccupiedArea(
+            stamp, self.region, self.contradictions if contradictions is None else contradictions
+        )
         twin.__dict__["rings"] = self.rings
         twin.__dict__["clearance_field"] = self.clearance_field
         return twin
@@ -111,7 +128,7 @@ class UnoccupiedArea:
     @property
     def is_empty(self) -> bool:
         """Whether nothing is known to be free."""
-        return self.region.is_empty
+        return bool(self.region.is_empty)
 
 
 def shrink(geometry: BaseGeometry, distance: float) -> MultiPolygon:

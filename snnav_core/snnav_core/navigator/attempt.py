@@ -20,7 +20,11 @@ __all__ = ["Attempt", "margin_profiles"]
 
 
 def margin_profiles(
-    distances: RobotDistances, settings: NavigatorSettings, robot: RobotSpec, route_distance: float, present: float
+    distances: RobotDistances,
+    settings: NavigatorSettings,
+    robot: RobotSpec,
+    route_distance: float,
+    present: float,
 ) -> list[FloatArray]:
     """Distances to plan for at p_1, p_2, ... [m], the preferred profile first; the last value holds beyond.
 
@@ -65,7 +69,13 @@ class Attempt:
         link = self.distances.link
         longest = 3 * len(points) + 200
         result = adjust(
-            points, self.target, link, self._barriers(rotation, margins), self.settings.adjustment, max_passes, longest
+            points,
+            self.target,
+            link,
+            self._barriers(rotation, margins),
+            self.settings.adjustment,
+            max_passes,
+            longest,
         )
         chain = self._evenly(np.vstack((result.points, self.target)))
         return self.planned(TimedPath(self.time, self.distances.step, chain), source)
@@ -88,7 +98,8 @@ class Attempt:
         barriers: list[Barrier] = [BoundaryBarrier(self.context.area.clearance_field.query, margins)]
         clearance = self.settings.safety_margin + self.settings.planning_reserve
         for other in self.others:
-            times = self.time + self.distances.step * np.arange(1, self.distances.window_points + 1)
+            steps = np.arange(1, self.distances.window_points + 1, dtype=np.float64)
+            times: FloatArray = self.time + self.distances.step * steps
             centres = other.path.positions_at(times)[:, :2]
             distance = math.hypot(other.radius + clearance, 0.5 * link + 0.5 * _longest_link(centres))
             barriers.append(DiskBarrier(centres, distance))
@@ -98,7 +109,9 @@ class Attempt:
 
     def kept(self, chain: FloatArray) -> PlannedPath:
         """The rest of an earlier path (N, 2) [m, map], from the robot on, as it is."""
-        return self.planned(TimedPath(self.time, self.distances.step, self._evenly(chain)), PathSource.LAST_PATH)
+        return self.planned(
+            TimedPath(self.time, self.distances.step, self._evenly(chain)), PathSource.LAST_PATH
+        )
 
     def planned(self, path: TimedPath, source: PathSource) -> PlannedPath:
         """Attach the certificate to a path."""

@@ -30,8 +30,8 @@ class AreaContext:
     ----------
     area : UnoccupiedArea
     simplification : float
-        Upper limit for the reductions [m], see `reduce_area`; never more than 0.25 % of their distance, which would close
-        narrow passages.
+        Upper limit for the reductions [m], see `reduce_area`; never more than 0.25 % of their distance, which would
+        close narrow passages.
     """
 
     def __init__(self, area: UnoccupiedArea, simplification: float) -> None:

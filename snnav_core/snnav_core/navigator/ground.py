@@ -155,7 +155,9 @@ class GroundNavigator:
         else:
             self._context, self._changed = fresh, True
 
-    def _others(self, name: str, time: float, decisions: Mapping[str, PlannedPath | Stop]) -> list[OtherRobot]:
+    def _others(
+        self, name: str, time: float, decisions: Mapping[str, PlannedPath | Stop]
+    ) -> list[OtherRobot]:
         """Where the other robots will be: decided already in this step, or on their last path, or standing."""
         others = []
         for other, robot in self.robots.items():
@@ -187,7 +189,9 @@ class GroundNavigator:
         assert context is not None
         if state is None or time - state.stamp > self.settings.sampling_interval + 1e-6:
             age = "never measured" if state is None else f"measured {time - state.stamp:.2f} s ago"
-            return Stop(robot.id, StopReason.NO_STATE, f"pose of robot {robot.id} was {age}; check its odometry")
+            return Stop(
+                robot.id, StopReason.NO_STATE, f"pose of robot {robot.id} was {age}; check its odometry"
+            )
         if goal is None:
             return Stop(robot.id, StopReason.NO_GOAL, f"robot {robot.id} has no goal")
         if context.area.is_empty:
@@ -197,7 +201,10 @@ class GroundNavigator:
             memory = _Memory(goal, np.array(goal, dtype=np.float64))
             self._memory[robot.id] = memory
         distance = float(np.linalg.norm(state.pose.position - memory.target))
-        if memory.arrived or min(distance, math.dist(goal, state.pose.position)) <= self._distances[robot.id].arrival:
+        if (
+            memory.arrived
+            or min(distance, math.dist(goal, state.pose.position)) <= self._distances[robot.id].arrival
+        ):
             self._memory[robot.id] = replace(memory, arrived=True)
             return Stop(robot.id, StopReason.ARRIVED, f"robot {robot.id} is {distance:.2f} m from its target")
         return self._plan(robot, time, state.pose, others, context, memory)
@@ -258,15 +265,19 @@ class GroundNavigator:
                 break
         return best
 
-    def _search(
-        self, attempt: Attempt, best: PlannedPath | None, memory: _Memory
-    ) -> _Outcome:
+    def _search(self, attempt: Attempt, best: PlannedPath | None, memory: _Memory) -> _Outcome:
         """Best of the warm start and of new candidates, and the typed reason should there be none."""
         robot = attempt.robot
         disks = self._standing(attempt)
         try:
             route = find_route(
-                attempt.context, robot, attempt.pose, np.array(memory.goal), attempt.distances, self.settings, disks
+                attempt.context,
+                robot,
+                attempt.pose,
+                np.array(memory.goal),
+                attempt.distances,
+                self.settings,
+                disks,
             )
         except PlanningError as error:
             return _Outcome(best, self._stop_for(error, attempt, memory, disks), None)
@@ -275,9 +286,11 @@ class GroundNavigator:
         rejected = "no candidate leaves along the heading of the robot"
         candidates = route_candidates(attempt.context, route, attempt.pose, attempt.distances, self.settings)
         for candidate in candidates[: self.settings.max_adjusted]:
+            enough = math.inf
             if best is not None and attempt.is_full(best):
-                if candidate.length > (1.0 - self.settings.switch_gain) * best.path.length:
-                    break
+                enough = (1.0 - self.settings.switch_gain) * best.path.length
+            if candidate.length > enough:
+                break
             plan = self._best_profile(attempt, candidate.polyline, candidate.rotation, candidate.source)
             if not plan.certificate.accepted:
                 rejected = plan.certificate.reason
@@ -312,7 +325,13 @@ class GroundNavigator:
         if disks and not isinstance(error, StartBlocked):
             try:
                 find_route(
-                    attempt.context, robot, attempt.pose, np.array(memory.goal), attempt.distances, self.settings, ()
+                    attempt.context,
+                    robot,
+                    attempt.pose,
+                    np.array(memory.goal),
+                    attempt.distances,
+                    self.settings,
+                    (),
                 )
             except PlanningError as without:
                 error = without
@@ -404,7 +423,9 @@ def _remainder(path: TimedPath, pose: Pose2D, link: float) -> FloatArray | None:
         return None
     position = pose.position
     begin, change = points[:-1], np.diff(points, axis=0)
-    share = np.einsum("ij,ij->i", position - begin, change) / np.maximum(np.einsum("ij,ij->i", change, change), 1e-18)
+    share = np.einsum("ij,ij->i", position - begin, change) / np.maximum(
+        np.einsum("ij,ij->i", change, change), 1e-18
+    )
     foot = begin + np.clip(share, 0.0, 1.0)[:, None] * change
     # The robot is near the front of its path: a later part that comes back past it is not meant.
     window = min(len(foot), 4 * max(1, math.ceil(len(foot) / 8)) + 8)

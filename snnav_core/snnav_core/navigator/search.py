@@ -52,8 +52,9 @@ def find_route(
     present = context.clearance(start)
     if present < robot.radius:
         raise StartBlocked(
-            f"robot {robot.id} at ({start[0]:.2f}, {start[1]:.2f}) has {present:.2f} m to the boundary of the unoccupied "
-            f"area, less than its radius {robot.radius:.2f} m; free its surroundings or cover them by a sensor"
+            f"robot {robot.id} at ({start[0]:.2f}, {start[1]:.2f}) has {present:.2f} m to the boundary of the "
+            f"unoccupied area, less than its radius {robot.radius:.2f} m; free its surroundings or cover them by a "
+            "sensor"
         )
     target = _reachable_target(context, robot, goal, distances, settings, disks)
     at_target = context.clearance(target)
@@ -69,9 +70,9 @@ def find_route(
         if inside or _can_climb(context, curves, start, present, distance, distances.least):
             return Route(curves, distance, target, inside)
     raise GoalUnreachable(
-        f"robot {robot.id}: no way at {distances.least:.2f} m from the boundary leads from ({start[0]:.2f}, {start[1]:.2f}) "
-        f"to ({goal[0]:.2f}, {goal[1]:.2f}); widen what the sensors see or reduce the safety margin "
-        f"({settings.safety_margin:.2f} m)"
+        f"robot {robot.id}: no way at {distances.least:.2f} m from the boundary leads from "
+        f"({start[0]:.2f}, {start[1]:.2f}) to ({goal[0]:.2f}, {goal[1]:.2f}); widen what the sensors see or reduce "
+        f"the safety margin ({settings.safety_margin:.2f} m)"
     )
 
 
@@ -123,7 +124,9 @@ def route_candidates(
     """
     candidates: list[Candidate] = []
     if route.start_inside:
-        candidates = rule_candidates(route.curves, pose, route.target, distances.circle_radius, 0.5 * distances.link)
+        candidates = rule_candidates(
+            route.curves, pose, route.target, distances.circle_radius, 0.5 * distances.link
+        )
     complete = _complete_candidates(context, route, pose, distances, settings)
     if complete and (not candidates or complete[0].length * _DETOUR < candidates[0].length):
         candidates = sorted(candidates + complete, key=lambda candidate: candidate.length)

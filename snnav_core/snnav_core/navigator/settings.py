@@ -84,7 +84,9 @@ class NavigatorSettings:
             if not getattr(self, name) >= 1.0:
                 raise InvalidInput(f"{name} is {getattr(self, name)}, must be >= 1")
         if self.tracking_tolerance is not None and not (0.0 <= self.tracking_tolerance < math.inf):
-            raise InvalidInput(f"tracking_tolerance is {self.tracking_tolerance}, must be a number >= 0 or left out")
+            raise InvalidInput(
+                f"tracking_tolerance is {self.tracking_tolerance}, must be a number >= 0 or left out"
+            )
         for name in ("arrival_distance", "path_spacing"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0.0):
@@ -103,7 +105,8 @@ class RobotDistances:
     def __init__(self, robot: RobotSpec, settings: NavigatorSettings) -> None:
         if settings.boundary_speed >= robot.speed:
             raise InvalidInput(
-                f"boundary_speed {settings.boundary_speed} m/s must be below the speed {robot.speed} m/s of robot {robot.id}"
+                f"boundary_speed {settings.boundary_speed} m/s must be below the speed {robot.speed} m/s of robot "
+                f"{robot.id}"
             )
         if settings.safety_margin < robot.radius:
             raise InvalidInput(
@@ -138,7 +141,7 @@ class RobotDistances:
         times = np.arange(1, self.window_points + 1) * self.step
         tolerance = self.tolerance + settings.planning_reserve
         distance = settings.safety_margin + times * settings.boundary_speed + tolerance
-        return np.sqrt(distance**2 + 0.25 * self.link**2)
+        return np.asarray(np.sqrt(distance**2 + 0.25 * self.link**2))
 
     @property
     def least(self) -> float:

@@ -74,7 +74,9 @@ def resample(polyline: FloatArray, spacing: float) -> FloatArray:
     steps = np.sqrt(np.einsum("ij,ij->i", np.diff(polyline, axis=0), np.diff(polyline, axis=0)))
     along = np.concatenate(([0.0], np.cumsum(steps)))
     stations = np.arange(int(along[-1] / spacing + 1e-9) + 1) * spacing
-    return np.stack([np.interp(stations, along, polyline[:, axis]) for axis in range(polyline.shape[1])], axis=-1)
+    return np.stack(
+        [np.interp(stations, along, polyline[:, axis]) for axis in range(polyline.shape[1])], axis=-1
+    )
 
 
 def adjust(
@@ -153,7 +155,9 @@ def _add_springs(force: FloatArray, points: FloatArray, barriers: Sequence[Barri
         force += gain * np.maximum(depth, 0.0)[:, None] * outward
 
 
-def _project(points: FloatArray, velocity: FloatArray, force: FloatArray, barriers: Sequence[Barrier]) -> None:
+def _project(
+    points: FloatArray, velocity: FloatArray, force: FloatArray, barriers: Sequence[Barrier]
+) -> None:
     """Move violating points onto the barriers; take the inward parts out of velocity and force, in place."""
     for barrier in barriers:
         depth, outward = barrier.violation(points)

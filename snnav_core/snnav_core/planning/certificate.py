@@ -197,8 +197,9 @@ class _Check:
             count = self.settings.time_window * parts
             duration = self.settings.time_window * self.settings.sampling_interval
             piece = np.stack((self.points[0], self.points[0]))
-            return np.arange(1, count + 1) * (duration / count), np.broadcast_to(piece, (count, 2, 2)).copy()
-        fractions = np.arange(links * parts + 1) / parts
+            times: FloatArray = np.arange(1, count + 1, dtype=np.float64) * (duration / count)
+            return times, np.broadcast_to(piece, (count, 2, 2)).copy()
+        fractions: FloatArray = np.arange(links * parts + 1, dtype=np.float64) / parts
         index = np.minimum(fractions.astype(np.int64), links - 1)
         share = (fractions - index)[:, None]
         knots = self.points[index] * (1.0 - share) + self.points[index + 1] * share
@@ -257,7 +258,8 @@ class _Check:
         reach = length if len(self.path) > 2 else max(length, self.robot.speed * self.path.step)
         limit = math.asin(min(1.0, reach / (2.0 * radius)))
         if angle > limit + 1e-6:
-            return f"the path starts {math.degrees(angle):.1f} deg off the heading, allowed {math.degrees(limit):.1f} deg"
+            off, allowed = math.degrees(angle), math.degrees(limit)
+            return f"the path starts {off:.1f} deg off the heading, allowed {allowed:.1f} deg"
         return ""
 
     def _radius_fault(self, least_radius: float) -> str:
@@ -298,8 +300,8 @@ class _Check:
         before = float(self.times[first - 1]) if first else 0.0
         point = self.pieces[first].mean(axis=0)
         fault = (
-            f"clearance {self.distances[first]:.3f} m at ({point[0]:.2f}, {point[1]:.2f}) after {self.times[first]:.2f} s, "
-            f"demanded {demanded[first]:.3f} m"
+            f"clearance {self.distances[first]:.3f} m at ({point[0]:.2f}, {point[1]:.2f}) after "
+            f"{self.times[first]:.2f} s, demanded {demanded[first]:.3f} m"
         )
         return self.path.start_time + before, least, fault
 
@@ -311,7 +313,9 @@ class _Check:
         limit = min(self.settings.safety_margin, self._present())
         worst = float(self.distances[tail].min())
         if worst < limit - 1e-9:
-            return f"beyond the window the path comes within {worst:.3f} m of the boundary, margin {limit:.3f} m"
+            return (
+                f"beyond the window the path comes within {worst:.3f} m of the boundary, margin {limit:.3f} m"
+            )
         return ""
 
     def separation(self) -> tuple[float, float, str]:
@@ -338,7 +342,9 @@ def _separation(
         times, distances = _approach(path, other.path, end)
         distances = distances - other.radius
         least = min(least, float(distances.min()))
-        present = float(np.linalg.norm(other.path.positions_at(np.array([path.start_time]))[0] - path.points[0]))
+        present = float(
+            np.linalg.norm(other.path.positions_at(np.array([path.start_time]))[0] - path.points[0])
+        )
         # Robots that stand too near already may only part.
         limit = min(safety_margin, present - other.radius)
         failing = np.flatnonzero(distances < limit - 1e-9)

@@ -138,7 +138,7 @@ class AreaCurves:
         return np.flatnonzero(turn < -_TURN)
 
     @cached_property
-    def tangents(self) -> tuple[np.ndarray, np.ndarray, FloatArray]:  # type: ignore[type-arg]
+    def tangents(self) -> tuple[np.ndarray, np.ndarray, FloatArray]:
         """Bitangent connections between `corners`: indices into it, and lengths [m]."""
         chosen = self.corners
         if len(chosen) < 2:
@@ -149,7 +149,7 @@ class AreaCurves:
         )
         return rows, columns, lengths
 
-    def first_hits(self, sources: FloatArray, targets: FloatArray) -> tuple[FloatArray, np.ndarray]:  # type: ignore[type-arg]
+    def first_hits(self, sources: FloatArray, targets: FloatArray) -> tuple[FloatArray, np.ndarray]:
         """First proper crossing of each segment with a curve.
 
         Parameters
@@ -172,7 +172,7 @@ class AreaCurves:
         )
         return share, edge
 
-    def touches_corner(self, points: FloatArray) -> np.ndarray:  # type: ignore[type-arg]
+    def touches_corner(self, points: FloatArray) -> np.ndarray:
         """For each source point (N, 2) and corner (M): whether the line between them is tangent at the corner."""
         corner = self.starts[self.corners]
         line = corner[None, :, :] - points[:, None, :]

@@ -40,7 +40,7 @@ def interval_field(points: FloatArray, rest_length: float, gain: float) -> Float
     """
     links = points[:-1] - points[1:]
     length = np.sqrt(np.einsum("ij,ij->i", links, links))
-    tension = links * (gain * (1.0 - rest_length / np.maximum(length, _TINY)))[:, None]
+    tension: FloatArray = links * (gain * (1.0 - rest_length / np.maximum(length, _TINY)))[:, None]
     tension[:-1] -= tension[1:]
     return tension
 
@@ -56,8 +56,20 @@ class Barrier(Protocol):
     """A one-sided condition on the points p_1..p_n."""
 
     def violation(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Depth [m] by which each of the points (n, D) violates the condition (<= 0 where it holds), and the unit
-        vector (n, D) along which the depth falls."""
+        """By how much points violate the condition, and the way out.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, D)
+            p_1 .. p_n [m].
+
+        Returns
+        -------
+        depth : ndarray, shape (n,)
+            Depth of the violation [m], <= 0 where the condition holds.
+        outward : ndarray, shape (n, D)
+            Unit vector along which the depth falls.
+        """
         ...
 
     def reset(self) -> None:
@@ -81,7 +93,9 @@ class BoundaryBarrier:
     had in reserve.
     """
 
-    def __init__(self, query: Callable[[FloatArray], tuple[FloatArray, FloatArray]], margins: FloatArray) -> None:
+    def __init__(
+        self, query: Callable[[FloatArray], tuple[FloatArray, FloatArray]], margins: FloatArray
+    ) -> None:
         self._query = query
         self._margins = margins
         self._asked: FloatArray | None = None
@@ -89,6 +103,7 @@ class BoundaryBarrier:
         self._gradient: FloatArray = np.empty((0, 2))
 
     def reset(self) -> None:
+        """Forget the distances of earlier points."""
         self._asked = None
 
     def demanded(self, count: int) -> FloatArray:
@@ -98,6 +113,7 @@ class BoundaryBarrier:
         return np.concatenate((self._margins, np.full(count - len(self._margins), self._margins[-1])))
 
     def violation(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See `Barrier.violation`."""
         demanded = self.demanded(len(points))
         if self._asked is None or len(self._asked) != len(points):
             self._distance, self._gradient = self._query(points)
@@ -129,6 +145,7 @@ class CircleBarrier:
         """Nothing is cached."""
 
     def violation(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See `Barrier.violation`."""
         depth = np.full(len(points), -np.inf)
         gradient = np.zeros_like(points)
         offset = points[: self.count] - self.centre
@@ -157,6 +174,7 @@ class DiskBarrier:
         """Nothing is cached."""
 
     def violation(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See `Barrier.violation`."""
         index = np.minimum(np.arange(len(points)), len(self.centres) - 1)
         offset = points - self.centres[index]
         distance = np.sqrt(np.einsum("ij,ij->i", offset, offset))

@@ -112,7 +112,7 @@ class GoalTree:
         self.distance: FloatArray = distance
         self._before = before
 
-    def _sees(self, point: FloatArray) -> np.ndarray:  # type: ignore[type-arg]
+    def _sees(self, point: FloatArray) -> np.ndarray:
         """Which nodes (corners, then the target if there) are seen from a point, tangent at the corner."""
         corners = self.curves.starts[self.curves.corners]
         tangent = self.curves.touches_corner(point[None])[0] if len(corners) else np.empty(0, dtype=bool)
@@ -168,7 +168,7 @@ class GoalTree:
             for i in chunk[left <= climb]:
                 yield float(total[i]), float(angle[i]), np.vstack((points[i], self.chain(int(i))))
 
-    def _passes_outside(self, points: FloatArray) -> np.ndarray:  # type: ignore[type-arg]
+    def _passes_outside(self, points: FloatArray) -> np.ndarray:
         """Whether the line from each point (N, 2) to its corner touches that corner from outside."""
         corners = self.curves.corners
         corner = self.nodes[:-1]

@@ -79,8 +79,10 @@ def rule_candidates(
     graph = _RuleGraph(curves, pose, np.asarray(target, dtype=np.float64), spacing)
     found: list[Candidate] = []
     for circle in initial_circles(pose, radius):
-        for polyline in graph.follow(circle, limit - len(found)):
-            found.append(Candidate(polyline, circle.rotation, PathSource.TANGENT_GRAPH, chain_length(polyline)))
+        found.extend(
+            Candidate(polyline, circle.rotation, PathSource.TANGENT_GRAPH, chain_length(polyline))
+            for polyline in graph.follow(circle, limit - len(found))
+        )
     return sorted(found, key=lambda candidate: candidate.length)
 
 
