@@ -69,10 +69,11 @@ def visible_region(
     points = _sweep(a, b, first, cuts, range_max)
     if field_of_view < _TURN - 1e-9:
         points = np.vstack((np.zeros((1, 2)), points))
+    points = points[np.hypot(*(points - np.roll(points, 1, axis=0)).T) > _ON_SEGMENT]
     if len(points) < 3:
         return shapely.Polygon()
     polygon = shapely.Polygon(points + np.asarray(origin))
-    return polygon if polygon.is_valid else shapely.make_valid(polygon, method="structure")
+    return polygon if polygon.is_valid else polygon.buffer(0.0)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -117,7 +118,7 @@ def _sweep(
             reach = (ax * by - ay * bx) / math.sqrt(ex * ex + ey * ey)
             normal = math.atan2(-ex, ey) - middle
             normal += middle - first - _TURN * round(normal / _TURN)
-        if reach >= range_max:
+        if reach >= range_max * (1.0 - 1e-12):  # the arc touches the segment at most
             left = right = high
         elif math.isfinite(reach):
             half = math.acos(reach / range_max)

@@ -31,8 +31,12 @@ MISTAKES = {
     "obstacle without a shape": ("circle: [40, 20, 2.5]", "", 13, "obstacles[1]", "one shape"),
     "point of one number": ("start: [3, 22]", "start: [3]", 21, "robots[0].start", "expected 2"),
     "circle without radius": ("[40, 20, 2.5]", "[40, 20]", 13, "obstacles[1].circle", "expected 3"),
-    "polygon of two corners": ("[10, 5], [14, 5], [14, 30], [10, 30]", "[1, 1], [2, 2]", 12, "obstacles[0].polygon", "three"),
-    "polygon on one line": ("[10, 5], [14, 5], [14, 30], [10, 30]", "[1, 1], [2, 2], [3, 3]", 12, "obstacles[0].polygon", "line"),
+    "polygon of two corners": (
+        "[10, 5], [14, 5], [14, 30], [10, 30]", "[1, 1], [2, 2]", 12, "obstacles[0].polygon", "three",
+    ),
+    "polygon on one line": (
+        "[10, 5], [14, 5], [14, 30], [10, 30]", "[1, 1], [2, 2], [3, 3]", 12, "obstacles[0].polygon", "line",
+    ),
     "polygon that crosses itself": (
         "[10, 5], [14, 5], [14, 30]", "[10, 5], [14, 30], [14, 5]", 12, "obstacles[0].polygon", "crosses itself",
     ),
@@ -43,8 +47,12 @@ MISTAKES = {
     "reserved id": ("id: robot_1", "id: sensors", 21, "robots[0].id", "reserved"),
     "unknown device": ("device: lms200", "device: lms300", 18, "sensors[0].device", "lms200, recorded"),
     "unknown noise": ("noise: none", "noise: some", 19, "sensors[0].noise", "none, lms200"),
-    "resolution that does not divide": ("resolution_deg: 0.5", "resolution_deg: 0.7", 18, "sensors[0].resolution_deg", "179.9"),
-    "field of view": ("field_of_view_deg: 180", "field_of_view_deg: 400", 18, "sensors[0].field_of_view_deg", "at most 360"),
+    "resolution that does not divide": (
+        "resolution_deg: 0.5", "resolution_deg: 0.7", 18, "sensors[0].resolution_deg", "179.9",
+    ),
+    "field of view": (
+        "field_of_view_deg: 180", "field_of_view_deg: 400", 18, "sensors[0].field_of_view_deg", "at most 360",
+    ),
     "loop": ("loop: true", "loop: yes", 15, "movers[0].loop", "true or false"),
     "two ways to move": ("velocity: [0.0, 0.3]", "velocity: [0, 0], speed: 1", 16, "movers[1].start", "either"),
     "no way to move": (", start: [50, 10], velocity: [0.0, 0.3]", "", 16, "movers[1]", "waypoints"),
@@ -59,7 +67,9 @@ MISTAKES = {
     "fast mover": ("[0.0, 0.3]", "[0.4, 0.4]", 16, "movers[1].velocity", "boundary_speed"),
     "control period": ("control_period: 0.05", "control_period: 0.3", 5, "control_period", "0.9"),
     "space: point": ("start: [3, 22]", "start: [3, 22, 1]", 21, "robots[0].start", "space"),
-    "space: workspace": ("{polygon: [[0, 0], [70, 0], [70, 45], [0, 45]]}", "{box: [[0, 0, 0], [9, 9, 9]]}", 10, "workspace", "space"),
+    "space: workspace": (
+        "{polygon: [[0, 0], [70, 0], [70, 45], [0, 45]]}", "{box: [[0, 0, 0], [9, 9, 9]]}", 10, "workspace", "space",
+    ),
     "space: obstacle": ("circle: [40, 20, 2.5]", "box: [[0, 0, 0], [1, 1, 1]]", 13, "obstacles[1]", "space"),
     "free without a return beside codes": (
         "noise: none", "no_return: free, error_codes: true", 19, "sensors[0].no_return", "unknown",
@@ -106,9 +116,11 @@ def test_recorded_and_simulated_sensors_do_not_mix(example_text: str) -> None:
         parse_scene(example_text.replace("robots:", recorded), "my.yaml")
 
 
-def test_a_negative_recorded_range(recorded: object) -> None:
-    text = "name: n\nsampling_interval: 1\nsafety_margin: 1\nworkspace: {polygon: [[0, 0], [1, 0], [1, 1]]}\nrobots: []\n"
-    sensor = "{id: a, device: recorded, position: [0, 0], heading_deg: 0, angle_min_deg: 0, resolution_deg: 1, range_max: 8"
+def test_a_negative_recorded_range() -> None:
+    head = "name: n\nsampling_interval: 1\nsafety_margin: 1\nrobots: []\n"
+    text = f"{head}workspace: {{polygon: [[0, 0], [1, 0], [1, 1]]}}\n"
+    sensor = "{id: a, device: recorded, position: [0, 0], heading_deg: 0, angle_min_deg: 0, resolution_deg: 1"
+    sensor += ", range_max: 8"
     with pytest.raises(SceneError, match=r"my.yaml:6: sensors\[0\].ranges\[1\]: -1 is negative"):
         parse_scene(f"{text}sensors: [{sensor}, ranges: [1, -1]}}]\n", "my.yaml")
     with pytest.raises(SceneError, match=r"more than one turn"):
