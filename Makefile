@@ -4,7 +4,7 @@ VENV := .ci/venv
 # Everything stays on this machine: ROS 2 traffic goes over the loopback interface only.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help demo test lint format bench clean
+.PHONY: help demo test lint format bench venv clean
 
 help: ## say what there is
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST)
@@ -26,6 +26,9 @@ format: ## put the sources into the form that lint asks for
 
 bench: ## measure against peers: OMPL, plain shapely, ir-sim (installs them into .venv)
 	@$(VENV) --bench python tests/bench
+
+venv: ## make .venv and nothing more
+	@$(VENV) true
 
 clean: ## remove .venv and everything that was built; runs/ stays
 	rm -rf .venv build install log .pytest_cache .mypy_cache .ruff_cache .hypothesis
