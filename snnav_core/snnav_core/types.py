@@ -152,7 +152,9 @@ class TimedPath:
     def __post_init__(self) -> None:
         points = np.array(self.points, dtype=np.float64)
         if points.ndim != 2 or points.shape[0] < 1 or points.shape[1] not in (2, 3):
-            raise InvalidInput(f"path points have shape {points.shape}, expected (N, 2) or (N, 3) with N >= 1")
+            raise InvalidInput(
+                f"path points have shape {points.shape}, expected (N, 2) or (N, 3) with N >= 1"
+            )
         if not np.isfinite(points).all():
             raise InvalidInput("path points contain NaN or infinity")
         if not (math.isfinite(self.step) and self.step > 0.0):

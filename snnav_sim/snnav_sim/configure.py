@@ -35,8 +35,16 @@ def planar_sensor(sensor: SensorScene) -> PlanarSensor:
 
 
 def fusion_settings(scene: Scene) -> FusionSettings:
-    """Return the settings of the fusion: the speed bound, and scans usable until the next but one is missed."""
-    return FusionSettings(boundary_speed=scene.boundary_speed, max_scan_age=1.5 * scene.sampling_interval)
+    """Return the settings of the fusion: the speed bound, and scans usable until the next but one is missed.
+
+    Noisy outlines may lose half of the noise allowance when they are thinned out before the union.
+    """
+    noisy = any(sensor.noise == "lms200" for sensor in scene.sensors)
+    return FusionSettings(
+        boundary_speed=scene.boundary_speed,
+        max_scan_age=1.5 * scene.sampling_interval,
+        simplification=0.5 * _NOISE_ALLOWANCE if noisy else FusionSettings().simplification,
+    )
 
 
 def navigator_settings(scene: Scene) -> NavigatorSettings:

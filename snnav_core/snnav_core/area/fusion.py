@@ -16,11 +16,13 @@ from snnav_core.area.planar import UnoccupiedArea, as_multipolygon, shrink
 from snnav_core.errors import InvalidInput
 from snnav_core.sensing.scan import DetectedArea, PlanarScan, ScanSettings, detect_planar
 from snnav_core.sensing.star import shorten_fan, star_rings
+from snnav_core.sensing.thinning import thin_ring
 from snnav_core.types import FloatArray, Pose2D
 
 __all__ = ["AreaFusion", "FusionSettings", "PlanarSensor", "agree", "cut_returns"]
 
 _TIME_TOLERANCE = 1e-6
+_NO_AREA = 1e-6  # [m^2]
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,8 @@ class FusionSettings:
     shorten_depth : float
         Where a return lies up to this far inside the area of another sensor, along its ray, that sensor's beams end at
         the return [m]; a deeper return becomes a small obstacle of its own.
+    simplification : float
+        The outline of each sensor's area may lose points, and the area this much, before the union [m].
     least_part : float
         Parts of the area smaller than this are dropped: no robot fits into them [m^2].
     contradiction_depth : float
@@ -64,11 +68,19 @@ class FusionSettings:
     return_tolerance: float = 0.003
     return_radius: float = 0.01
     shorten_depth: float = 0.1
+    simplification: float = 0.003
     least_part: float = 0.05
     contradiction_depth: float = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("boundary_speed", "return_tolerance", "shorten_depth", "least_part", "contradiction_depth"):
+        at_least_zero = (
+            "boundary_speed",
+            "return_tolerance",
+            "shorten_depth",
+            "simplification",
+            "least_part",
+        )
+        for name in (*at_least_zero, "contradiction_depth"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise InvalidInput(f"fusion setting {name} is {value}, must be a number >= 0")
@@ -104,11 +116,12 @@ def agree(
     for part in detected:
         fan, inside = shorten_fan(part.fan, part.pose, returns, settings.shorten_depth)
         deepest = np.maximum(deepest, inside)
-        if np.array_equal(fan.free, part.fan.free):
-            agreed.append(part)
-        else:
-            agreed.append(replace(part, fan=fan, rings=star_rings(fan, part.pose)))
-    flags = np.split(deepest > settings.contradiction_depth, np.cumsum([len(p.returns) for p in detected])[:-1])
+        rings = part.rings if np.array_equal(fan.free, part.fan.free) else star_rings(fan, part.pose)
+        thinned = tuple(thin_ring(ring, settings.simplification) for ring in rings)
+        agreed.append(replace(part, fan=fan, rings=thinned))
+    flags = np.split(
+        deepest > settings.contradiction_depth, np.cumsum([len(p.returns) for p in detected])[:-1]
+    )
     return agreed, {part.sensor_id: int(flag.sum()) for part, flag in zip(detected, flags, strict=True)}
 
 
@@ -180,12 +193,14 @@ class AreaFusion:
         self._agreed: tuple[list[DetectedArea], list[DetectedArea], dict[str, int]] = ([], [], {})
         self._union: tuple[list[BaseGeometry], MultiPolygon] = ([], MultiPolygon())
         self._area: UnoccupiedArea | None = None
+        self._nothing_remembered = True
 
     def reset(self) -> None:
         """Forget all scans and the memory, as after a jump of time."""
         self._scans.clear()
         self._detected.clear()
         self._area = None
+        self._nothing_remembered = True
 
     def add_scan(self, sensor_id: str, scan: PlanarScan) -> DetectedArea:
         """Take a new scan of one sensor and return what it saw.
@@ -240,11 +255,13 @@ class AreaFusion:
         if not unchanged:
             self._union = (polygons, as_multipolygon(shapely.union_all(polygons)))
         union, speed = self._union[1], self.settings.boundary_speed
-        if self.settings.memory and speed > 0.0 and last is not None:
-            union = as_multipolygon(remember(last.region, union, time - last.stamp, speed))
-        elif unchanged and last is not None:
+        if last is not None and unchanged and self._nothing_remembered:
             self._area = last.restamped(time)
             return self._area
+        if self.settings.memory and speed > 0.0 and last is not None:
+            remembered = as_multipolygon(remember(last.region, union, time - last.stamp, speed))
+            self._nothing_remembered = remembered.area - union.area < _NO_AREA
+            union = union if self._nothing_remembered else remembered
         self._area = UnoccupiedArea(time, cut_returns(union, parts, self.settings), self._agreed[2])
         return self._area
 

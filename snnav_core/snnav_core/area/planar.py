@@ -65,6 +65,10 @@ class UnoccupiedArea:
     region: MultiPolygon
     contradictions: Mapping[str, int] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        # One orientation everywhere: an area that went through a message plans to the last bit like the original.
+        object.__setattr__(self, "region", shapely.orient_polygons(self.region))
+
     @cached_property
     def rings(self) -> tuple[FloatArray, ...]:
         """Open boundary rings, each (N, 2) [m, map]: an exterior (counter-clockwise), then its holes (clockwise)."""

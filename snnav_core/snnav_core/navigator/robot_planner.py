@@ -1,0 +1,274 @@
+"""The decision for one robot in one step: keep the last path, find a new one, turn, or say why not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from snnav_core.errors import GoalBlocked, GoalUnreachable, PlanningError, StartBlocked
+from snnav_core.navigator.attempt import Attempt, margin_profiles
+from snnav_core.navigator.context import Disks
+from snnav_core.navigator.search import Route, find_route, route_candidates, turn_heading
+from snnav_core.planning.adjustment import resample
+from snnav_core.planning.certificate import OtherRobot
+from snnav_core.types import (
+    FloatArray,
+    PathSource,
+    PlannedPath,
+    Pose2D,
+    Stop,
+    StopReason,
+    TimedPath,
+)
+
+__all__ = ["RobotMemory", "plan_robot"]
+
+_ALIGNED = 0.02  # a turn by less than this [rad] brings nothing
+
+_REASONS: dict[type[PlanningError], StopReason] = {
+    StartBlocked: StopReason.START_BLOCKED,
+    GoalBlocked: StopReason.GOAL_BLOCKED,
+    GoalUnreachable: StopReason.GOAL_UNREACHABLE,
+}
+
+
+@dataclass(frozen=True)
+class RobotMemory:
+    """What the navigator keeps of one robot from step to step.
+
+    Parameters
+    ----------
+    goal : tuple of float
+        Target as it was given [m, map].
+    target : ndarray, shape (2,)
+        Target that is planned for: the goal, or a point so near that it counts as arrived [m, map].
+    plan : PlannedPath or None
+        The last path.
+    profile : int
+        Margin profile that the last path came from.
+    steps_since_search : int
+    arrived : bool
+    failure : tuple or None
+        Situation and outcome of a fruitless search, so that it is not repeated while nothing changes.
+    """
+
+    goal: tuple[float, float]
+    target: FloatArray
+    plan: PlannedPath | None = None
+    profile: int = 0
+    steps_since_search: int = 0
+    arrived: bool = False
+    failure: tuple[tuple[object, ...], Stop] | None = None
+
+
+def plan_robot(
+    attempt: Attempt, memory: RobotMemory, area_changed: bool
+) -> tuple[PlannedPath | Stop, RobotMemory]:
+    """Decide for one robot that has a goal and is not there yet (Ch. 3, with the deviations of `GroundNavigator`).
+
+    Parameters
+    ----------
+    attempt : Attempt
+        Area, robot, pose, others; its target is replaced by the one that is planned for.
+    memory : RobotMemory
+        Of the same goal.
+    area_changed : bool
+        Whether the unoccupied area differs from the one of the last step.
+
+    Returns
+    -------
+    decision, memory
+    """
+    if memory.plan is not None:
+        attempt = replace(attempt, planning_distance=memory.plan.planning_distance)
+    best, memory = _warm(attempt, memory)
+    due = area_changed and memory.steps_since_search + 1 >= attempt.settings.search_interval
+    if best is not None and attempt.is_full(best) and not due:
+        return best, replace(memory, steps_since_search=memory.steps_since_search + 1)
+    situation = _situation(attempt)
+    if best is None and memory.failure is not None and memory.failure[0] == situation:
+        return memory.failure[1], memory
+    memory = replace(memory, steps_since_search=0, failure=None)
+    found = _search(attempt, best, memory)
+    memory = replace(memory, target=found.target)
+    decision = found.best or _kept(attempt, memory) or _turn(attempt, found.route)
+    if decision is None:
+        return found.stop, replace(memory, failure=(situation, found.stop))
+    return decision, memory
+
+
+@dataclass(frozen=True)
+class _Search:
+    """Result of a search: the best path so far, or why there is none, and where a turn in place should point."""
+
+    best: PlannedPath | None
+    stop: Stop
+    route: Route | None
+    target: FloatArray
+
+
+def _situation(attempt: Attempt) -> tuple[object, ...]:
+    others = tuple(other.path.points.tobytes() for other in attempt.others)
+    return attempt.context.digest, attempt.pose, others
+
+
+def _profiles(attempt: Attempt) -> list[FloatArray]:
+    present = attempt.context.clearance(attempt.pose.position)
+    return margin_profiles(
+        attempt.distances, attempt.settings, attempt.robot, attempt.planning_distance, present
+    )
+
+
+def _warm(attempt: Attempt, memory: RobotMemory) -> tuple[PlannedPath | None, RobotMemory]:
+    """The last path, shifted to the robot and adjusted again; None when the certificate refuses it."""
+    chain = _ahead(attempt, memory)
+    if chain is None:
+        return None, memory
+    attempt = replace(attempt, target=memory.target)
+    points = resample(chain, attempt.distances.link)
+    rotation = _side(chain, attempt.pose)
+    best: PlannedPath | None = None
+    profiles = _profiles(attempt)
+    first = 0 if memory.steps_since_search == 0 else min(memory.profile, len(profiles) - 1)
+    for index in (first, *(index for index in range(len(profiles)) if index != first)):
+        passes = attempt.settings.adjustment.warm_passes
+        plan = attempt.adjusted(points, rotation, profiles[index], passes, PathSource.WARM_START)
+        best = _better(best, plan)
+        if attempt.is_full(plan):
+            return plan, replace(memory, profile=index)
+    return best, memory
+
+
+def _search(attempt: Attempt, best: PlannedPath | None, memory: RobotMemory) -> _Search:
+    """Best of the warm start and of new candidates; else the typed reason why there is none."""
+    robot, settings = attempt.robot, attempt.settings
+    disks = _standing(attempt)
+    goal = np.array(memory.goal)
+    try:
+        route = find_route(attempt.context, robot, attempt.pose, goal, attempt.distances, settings, disks)
+    except PlanningError as error:
+        return _Search(best, _stop_for(error, attempt, goal, disks), None, memory.target)
+    attempt = replace(attempt, target=route.target, planning_distance=route.distance)
+    rejected = "no candidate leaves along the heading of the robot"
+    candidates = route_candidates(attempt.context, route, attempt.pose, attempt.distances, settings)
+    for candidate in candidates[: settings.max_adjusted]:
+        long = best is not None and candidate.length > (1.0 - settings.switch_gain) * best.path.length
+        if best is not None and attempt.is_full(best) and long:
+            break
+        plan = _best_profile(attempt, candidate.polyline, candidate.rotation, candidate.source)
+        if not plan.certificate.accepted:
+            rejected = plan.certificate.reason
+        elif best is None or _replaces(attempt, plan, best):
+            best = plan
+            if attempt.is_full(plan):
+                break
+    reason = StopReason.BLOCKED_BY_ROBOT if "of robot" in rejected else StopReason.NO_PATH
+    message = f"robot {robot.id}: {len(candidates)} candidates, none certified; the last: {rejected}"
+    return _Search(best, Stop(robot.id, reason, message), route, route.target)
+
+
+def _best_profile(attempt: Attempt, polyline: FloatArray, rotation: int, source: PathSource) -> PlannedPath:
+    """The candidate adjusted with the first margin profile that holds for the whole window, else the best of all."""
+    points = resample(polyline, attempt.distances.link)
+    best: PlannedPath | None = None
+    plan: PlannedPath | None = None
+    for margins in _profiles(attempt):
+        plan = attempt.adjusted(points, rotation, margins, attempt.settings.adjustment.cold_passes, source)
+        best = _better(best, plan)
+        if attempt.is_full(plan):
+            return plan
+    assert plan is not None
+    return best or plan
+
+
+def _replaces(attempt: Attempt, plan: PlannedPath, best: PlannedPath) -> bool:
+    if attempt.is_full(plan) != attempt.is_full(best):
+        return attempt.is_full(plan)
+    return plan.path.length < (1.0 - attempt.settings.switch_gain) * best.path.length
+
+
+def _stop_for(error: PlanningError, attempt: Attempt, goal: FloatArray, disks: Disks) -> Stop:
+    """The typed reason; standing robots are named when it is them that block the way."""
+    robot = attempt.robot
+    if disks and not isinstance(error, StartBlocked):
+        try:
+            find_route(attempt.context, robot, attempt.pose, goal, attempt.distances, attempt.settings, ())
+        except PlanningError as without:
+            error = without
+        else:
+            names = ", ".join(other.id for other in attempt.others if _stands(other, attempt.time))
+            message = f"robot {robot.id} waits: the way to its target is blocked by standing robots ({names})"
+            return Stop(robot.id, StopReason.BLOCKED_BY_ROBOT, message)
+    return Stop(robot.id, _REASONS.get(type(error), StopReason.NO_PATH), str(error))
+
+
+def _standing(attempt: Attempt) -> Disks:
+    """Disks that candidates go around: standing robots, with the margin and the reserve."""
+    clearance = attempt.distances.least + attempt.settings.planning_reserve
+    disks = []
+    for other in attempt.others:
+        if _stands(other, attempt.time):
+            x, y = other.path.points[-1, :2]
+            disks.append((float(x), float(y), other.radius + clearance))
+    return tuple(disks)
+
+
+def _stands(other: OtherRobot, time: float) -> bool:
+    return bool(np.all(other.path.positions_at(np.array([time])) == other.path.points[-1]))
+
+
+def _kept(attempt: Attempt, memory: RobotMemory) -> PlannedPath | None:
+    """The last path as it is, while it verifies for at least one sampling interval (C3-14)."""
+    chain = _ahead(attempt, memory)
+    if chain is None:
+        return None
+    plan = attempt.kept(chain)
+    return plan if plan.certificate.accepted else None
+
+
+def _turn(attempt: Attempt, route: Route | None) -> PlannedPath | None:
+    """A turn on the spot towards the shortest way."""
+    if route is None or not attempt.robot.can_turn_in_place:
+        return None
+    heading = turn_heading(attempt.context, route, attempt.pose)
+    if heading is None or abs(math.remainder(heading - attempt.pose.heading, 2.0 * math.pi)) < _ALIGNED:
+        return None
+    points = np.repeat(attempt.pose.position[None], attempt.distances.window_points + 1, axis=0)
+    path = TimedPath(attempt.time, attempt.distances.step, points, turn_to=heading)
+    plan = attempt.planned(path, PathSource.TURN_IN_PLACE)
+    return plan if plan.certificate.accepted else None
+
+
+def _better(best: PlannedPath | None, plan: PlannedPath) -> PlannedPath | None:
+    """The accepted plan with the longer window; None while none is accepted."""
+    if not plan.certificate.accepted:
+        return best
+    if best is None or plan.certificate.valid_until > best.certificate.valid_until + 1e-6:
+        return plan
+    return best
+
+
+def _ahead(attempt: Attempt, memory: RobotMemory) -> FloatArray | None:
+    """The part of the last path that lies ahead, from the robot on (N, 2) [m, map]; None at its end or without any."""
+    if memory.plan is None or memory.plan.path.turn_to is not None or len(memory.plan.path) < 2:
+        return None
+    points, position = np.asarray(memory.plan.path.points), attempt.pose.position
+    begin, change = points[:-1], np.diff(points, axis=0)
+    share = np.einsum("ij,ij->i", position - begin, change)
+    share = np.clip(share / np.maximum(np.einsum("ij,ij->i", change, change), 1e-18), 0.0, 1.0)
+    # The robot is near the front of its path: a later part that comes back past it is not meant.
+    window = min(len(begin), 2 * attempt.distances.parts + 2)
+    away = np.linalg.norm((begin + share[:, None] * change)[:window] - position, axis=1)
+    ahead = points[int(np.argmin(away)) + 1 :]
+    if float(np.linalg.norm(ahead[0] - position)) < 0.3 * attempt.distances.link:
+        ahead = ahead[1:]
+    return np.vstack((position, ahead)) if len(ahead) else None
+
+
+def _side(points: FloatArray, pose: Pose2D) -> int:
+    """Side of the heading on which a path starts: +1 left, -1 right."""
+    direction = points[1] - points[0]
+    across = math.cos(pose.heading) * direction[1] - math.sin(pose.heading) * direction[0]
+    return 1 if across >= 0.0 else -1
