@@ -31,6 +31,12 @@ class BagMessage:
     message: Any
 
 
+class _Directory(type(Path())):  # type: ignore[misc]
+    """A directory whose name may end in .bag: `AnyReader` takes what is named so for a file of ROS 1."""
+
+    suffix = ""
+
+
 class BagReader:
     """Iterate the messages of a recording in the order of their recording.
 
@@ -73,7 +79,8 @@ class BagReader:
         """Open the recording and read its index."""
         _refuse_other_files(self.path)
         with self._reading("opened"):
-            reader = AnyReader([self.path], default_typestore=jazzy_types())
+            source = _Directory(self.path) if self.path.is_dir() else self.path
+            reader = AnyReader([source], default_typestore=jazzy_types())
             reader.open()
         self._reader = reader
         if not reader.message_count:

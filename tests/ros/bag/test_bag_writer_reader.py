@@ -282,3 +282,9 @@ def test_real_recordings_of_all_kinds(name: str, topic: str, count: int, beams: 
         bag.require(topic, "sensor_msgs/msg/LaserScan")
         lengths = [len(m.message.ranges) for m in bag.messages([topic])]
     assert lengths == [beams] * count
+
+
+@pytest.mark.parametrize("name", ["run.bag", "run.mcap", "run.db3", "run"])
+def test_a_directory_may_have_any_name(tmp_path: Path, name: str) -> None:
+    with BagReader(write_bag(tmp_path / name)) as bag:
+        assert len(list(bag.messages())) == 8

@@ -7,6 +7,7 @@ import csv
 import gzip
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from snnav_ros.bag.network import NetworkSettings
 from snnav_sim.scene import load_scene
 
 WIDTH, HEIGHT = 24.0, 9.0
+MANUAL = (Path(__file__).parents[3] / "docs" / "real-logs.md").read_text(encoding="utf-8")
 
 
 def run(*arguments: str) -> int:
@@ -198,3 +200,23 @@ def test_errors_of_processes_arrive_as_one_line(tmp_path: Path) -> None:
 def test_names_of_buildings() -> None:
     names = [name_of(Path(name)) for name in ("a/intel-corrected.log.gz", "b.log", "c.clf.gz")]
     assert names == ["intel", "b", "c.clf"]
+
+
+def test_the_commands_of_the_manual_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    room_log(tmp_path / "intel.log.gz", count=60)
+    lines = [line.split()[1:] for line in MANUAL.splitlines() if line.startswith("    snnav ")]
+    made, driven, evaluated = lines[:2], lines[2], lines[3]
+    assert [run(*line) for line in made] == [0, 0]
+    assert driven[0] == "run"
+    assert len(load_scene(driven[1]).sensors) == 40
+    assert evaluated[0] == "evaluate-logs"
+
+
+def test_the_python_of_the_manual_works(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (code,) = re.findall(r"```python\n(.*?)```", MANUAL, flags=re.DOTALL)
+    exec(compile(code, "docs/real-logs.md", "exec"), {})
+    assert capsys.readouterr().out == "0 /scan [1. 2. 3.]\n"
