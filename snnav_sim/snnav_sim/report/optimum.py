@@ -67,7 +67,8 @@ def shortest_path(
     nodes = np.vstack((np.array([start, target], dtype=np.float64), corners))
     before = np.vstack((np.full((2, 2), np.nan), before))
     after = np.vstack((np.full((2, 2), np.nan), after))
-    parent = _search(nodes, before, after, segments)
+    allowed = np.stack([_leaves_inwards(component, end, nodes) for end in (start, target)])
+    parent = _search(nodes, before, after, segments, allowed)
     if parent[1] < 0:
         raise GoalUnreachable(f"no way from {start} to {target} inside the region")
     order = [1]
@@ -115,10 +116,26 @@ def _outline(polygon: shapely.Polygon) -> tuple[FloatArray, FloatArray, FloatArr
     return np.concatenate(segments), np.concatenate(corners), np.concatenate(before), np.concatenate(after)
 
 
+def _leaves_inwards(
+    polygon: shapely.Polygon, end: tuple[float, float], nodes: FloatArray
+) -> NDArray[np.bool_]:
+    """Whether the straight way from an end to each node is inside; looked at only for an end on the border."""
+    if polygon.boundary.distance(shapely.Point(end)) > _ON_BORDER:
+        return np.ones(len(nodes), dtype=np.bool_)
+    wide = polygon.buffer(2.0 * _ON_BORDER)
+    shapely.prepare(wide)
+    ways = np.stack((np.broadcast_to(end, nodes.shape), nodes), axis=1)
+    inside: NDArray[np.bool_] = shapely.covers(wide, shapely.linestrings(ways))
+    return inside
+
+
 def _search(
-    nodes: FloatArray, before: FloatArray, after: FloatArray, segments: FloatArray
+    nodes: FloatArray, before: FloatArray, after: FloatArray, segments: FloatArray, allowed: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
-    """Return the parent of every node on the shortest path from node 0; -1 for none (A* towards node 1)."""
+    """Return the parent of every node on the shortest path from node 0; -1 for none (A* towards node 1).
+
+    `allowed`, shape (2, K), tells which nodes may follow the start and precede the target.
+    """
     count = len(nodes)
     cost = np.full(count, np.inf)
     parent = np.full(count, -1, dtype=np.int64)
@@ -134,7 +151,11 @@ def _search(
         if node == 1:
             break
         there = cost[node] + np.hypot(nodes[:, 0] - nodes[node, 0], nodes[:, 1] - nodes[node, 1])
-        hopeful = np.flatnonzero(~done & (there < cost) & _supports(nodes, before, after, node))
+        open_nodes = ~done & (there < cost) & _supports(nodes, before, after, node)
+        if node == 0:
+            open_nodes &= allowed[0]
+        open_nodes[1] &= allowed[1, node]
+        hopeful = np.flatnonzero(open_nodes)
         for other in hopeful[_sees(nodes, node, hopeful, segments)].tolist():
             cost[other] = there[other]
             parent[other] = node
