@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from functools import cache
+from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
 from snnav_core.errors import SnnavError
 
-__all__ = ["MissingRos", "has_ros", "has_tf2", "make_executor", "make_tf_broadcasters", "require_ros"]
+__all__ = [
+    "MissingRos",
+    "has_ros",
+    "has_tf2",
+    "make_executor",
+    "make_tf_broadcasters",
+    "new_message",
+    "require_ros",
+]
 
 _REMEDY = (
     "source a ROS 2 Jazzy installation, or `pip install -r requirements-ros.txt` into a venv of Python 3.11"
@@ -38,6 +48,17 @@ def require_ros(purpose: str) -> None:
     """
     if not has_ros():
         raise MissingRos(f"{purpose} needs ROS 2 (rclpy), which is not found: {_REMEDY}")
+
+
+@cache
+def _message_class(name: str) -> Any:
+    package, _, interface = name.partition("/")
+    return getattr(import_module(f"{package}.msg"), interface)
+
+
+def new_message(name: str, **fields: Any) -> Any:
+    """Return a message by the name of its type, such as ``nav_msgs/Path``; its package is imported when first used."""
+    return _message_class(name)(**fields)
 
 
 def has_tf2() -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 
 from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.errors import InvalidInput
+from snnav_ros.available import new_message
 from snnav_ros.convert.frames import MAP_FRAME, check_frame, header
 from snnav_ros.convert.stamps import nanoseconds, seconds_from_stamp
 
@@ -27,15 +28,16 @@ _VERTEX = np.dtype([("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("ring", "<u4")])
 
 def area_to_message(area: UnoccupiedArea) -> Any:
     """Return the PointCloud2 of an area; the counts of contradictions are not part of it."""
-    from sensor_msgs.msg import PointCloud2, PointField
-
     rings = area.rings
     vertices = np.zeros(sum(len(ring) for ring in rings), dtype=_VERTEX)
     if rings:
         vertices["x"], vertices["y"] = np.concatenate(rings).T
         vertices["ring"] = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
-    message = PointCloud2(header=header(nanoseconds(area.stamp), MAP_FRAME))
-    message.fields = [PointField(name=n, offset=o, datatype=d, count=1) for n, o, d in AREA_FIELDS]
+    message = new_message("sensor_msgs/PointCloud2", header=header(nanoseconds(area.stamp), MAP_FRAME))
+    message.fields = [
+        new_message("sensor_msgs/PointField", name=name, offset=offset, datatype=datatype, count=1)
+        for name, offset, datatype in AREA_FIELDS
+    ]
     message.height, message.width = 1, len(vertices)
     message.point_step = _VERTEX.itemsize
     message.row_step = vertices.nbytes

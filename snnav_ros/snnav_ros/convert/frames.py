@@ -7,6 +7,8 @@ from collections.abc import Collection, Iterator
 from typing import Any
 
 from snnav_core.errors import InvalidInput
+from snnav_ros.available import new_message
+from snnav_ros.convert.stamps import stamp_message
 
 __all__ = ["MAP_FRAME", "check_frame", "header", "yaw_from_message", "yaw_to_message"]
 
@@ -32,11 +34,7 @@ def check_frame(message: Any, topic: str, accepted: Collection[str] = (MAP_FRAME
 
 def header(stamp_ns: int, frame: str) -> Any:
     """Return a std_msgs/Header."""
-    from std_msgs.msg import Header
-
-    from snnav_ros.convert.stamps import stamp_message
-
-    return Header(stamp=stamp_message(stamp_ns), frame_id=frame)
+    return new_message("std_msgs/Header", stamp=stamp_message(stamp_ns), frame_id=frame)
 
 
 def yaw_to_message(yaw: float) -> Any:
@@ -44,12 +42,10 @@ def yaw_to_message(yaw: float) -> Any:
 
     Its length is one to within rounding, and rounded such that `yaw_from_message` gives back the same float.
     """
-    from geometry_msgs.msg import Quaternion
-
     sine, cosine = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
     pairs = ((z, w) for w in _around(cosine) for z in _around(sine))
     z, w = next((pair for pair in pairs if 2.0 * math.atan2(*pair) == yaw), (sine, cosine))
-    return Quaternion(x=0.0, y=0.0, z=z, w=w)
+    return new_message("geometry_msgs/Quaternion", x=0.0, y=0.0, z=z, w=w)
 
 
 def _around(value: float) -> Iterator[float]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.errors import InvalidInput
 from snnav_core.types import FloatArray
+from snnav_ros.available import new_message
 from snnav_ros.convert.frames import MAP_FRAME, header
 from snnav_ros.convert.stamps import nanoseconds
 
@@ -44,11 +45,9 @@ def area_to_grid(area: UnoccupiedArea, resolution: float) -> Any:
     InvalidInput
         If the resolution is not positive, or so fine that the grid would have more than 4 million cells.
     """
-    from nav_msgs.msg import OccupancyGrid
-
     if not (math.isfinite(resolution) and resolution > 0.0):
         raise InvalidInput(f"resolution of the grid is {resolution} m, must be positive")
-    message = OccupancyGrid(header=header(nanoseconds(area.stamp), MAP_FRAME))
+    message = new_message("nav_msgs/OccupancyGrid", header=header(nanoseconds(area.stamp), MAP_FRAME))
     message.info.map_load_time = message.header.stamp
     message.info.resolution = resolution
     message.info.origin.orientation.w = 1.0

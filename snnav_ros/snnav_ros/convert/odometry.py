@@ -8,6 +8,7 @@ from typing import Any
 
 from snnav_core.errors import InvalidInput
 from snnav_core.types import Pose2D, RobotState
+from snnav_ros.available import new_message
 from snnav_ros.convert.frames import MAP_FRAME, check_frame, header, yaw_from_message, yaw_to_message
 from snnav_ros.convert.stamps import seconds_from_stamp
 
@@ -16,9 +17,8 @@ __all__ = ["goal_from_message", "odometry_to_message", "state_from_message"]
 
 def odometry_to_message(robot_id: str, pose: Pose2D, speed: float, turn_rate: float, stamp_ns: int) -> Any:
     """Return the Odometry of a robot: pose [map], speed [m/s] and turn rate [rad/s] of its base."""
-    from nav_msgs.msg import Odometry
-
-    message = Odometry(header=header(stamp_ns, MAP_FRAME), child_frame_id=f"{robot_id}/base_link")
+    message = new_message("nav_msgs/Odometry", header=header(stamp_ns, MAP_FRAME))
+    message.child_frame_id = f"{robot_id}/base_link"
     message.pose.pose.position.x, message.pose.pose.position.y = pose.x, pose.y
     message.pose.pose.orientation = yaw_to_message(pose.heading)
     message.twist.twist.linear.x, message.twist.twist.angular.z = speed, turn_rate

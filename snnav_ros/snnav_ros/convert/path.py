@@ -14,6 +14,7 @@ import numpy as np
 
 from snnav_core.errors import InvalidInput
 from snnav_core.types import FloatArray, TimedPath
+from snnav_ros.available import new_message
 from snnav_ros.convert.frames import MAP_FRAME, check_frame, header, yaw_from_message, yaw_to_message
 from snnav_ros.convert.stamps import nanoseconds, nanoseconds_from_stamp, seconds
 
@@ -22,9 +23,7 @@ __all__ = ["path_from_message", "path_to_message", "stop_to_path"]
 
 def stop_to_path(stamp_ns: int) -> Any:
     """Return the path without poses that means stop, stamped `stamp_ns`."""
-    from nav_msgs.msg import Path
-
-    return Path(header=header(stamp_ns, MAP_FRAME))
+    return new_message("nav_msgs/Path", header=header(stamp_ns, MAP_FRAME))
 
 
 def path_to_message(path: TimedPath) -> Any:
@@ -35,8 +34,6 @@ def path_to_message(path: TimedPath) -> Any:
     InvalidInput
         If the path has one point only (its step could not be told), or a turn whose points differ.
     """
-    from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
-
     standing = _stands_still(path.points)
     if len(path) < 2 or (path.turn_to is not None and not standing):
         raise InvalidInput(
@@ -45,15 +42,17 @@ def path_to_message(path: TimedPath) -> Any:
         )
     start, step = nanoseconds(path.start_time), nanoseconds(path.step)
     message = stop_to_path(start)
-    spatial = (
-        path.points if path.points.shape[1] == 3 else np.column_stack((path.points, np.zeros(len(path))))
-    )
-    still = standing and path.turn_to is None
-    headings = path.headings.tolist()
+    spatial = np.zeros((len(path), 3))
+    spatial[:, : path.points.shape[1]] = path.points
+    if standing and path.turn_to is None:
+        turns = [new_message("geometry_msgs/Quaternion", x=0.0, y=0.0, z=0.0, w=0.0)] * len(path)
+    else:
+        turns = [yaw_to_message(heading) for heading in path.headings.tolist()]
     for index, (x, y, z) in enumerate(spatial.tolist()):
-        turn = Quaternion(x=0.0, y=0.0, z=0.0, w=0.0) if still else yaw_to_message(headings[index])
-        pose = Pose(position=Point(x=x, y=y, z=z), orientation=turn)
-        message.poses.append(PoseStamped(header=header(start + index * step, MAP_FRAME), pose=pose))
+        place = new_message("geometry_msgs/Point", x=x, y=y, z=z)
+        pose = new_message("geometry_msgs/Pose", position=place, orientation=turns[index])
+        stamped = header(start + index * step, MAP_FRAME)
+        message.poses.append(new_message("geometry_msgs/PoseStamped", header=stamped, pose=pose))
     return message
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from snnav_core.sensing.scan import PlanarScan
+from snnav_ros.available import new_message
 from snnav_ros.convert.frames import header
 from snnav_ros.convert.stamps import seconds_from_stamp
 
@@ -16,9 +17,7 @@ __all__ = ["scan_from_message", "scan_to_message"]
 
 def scan_to_message(scan: PlanarScan, frame: str, stamp_ns: int) -> Any:
     """Return the LaserScan of a scan in the frame of its sensor, stamped `stamp_ns`."""
-    from sensor_msgs.msg import LaserScan
-
-    message = LaserScan(header=header(stamp_ns, frame))
+    message = new_message("sensor_msgs/LaserScan", header=header(stamp_ns, frame))
     message.angle_min = scan.angle_min
     message.angle_increment = scan.angle_increment
     message.angle_max = scan.angle_min + (scan.ranges.size - 1) * scan.angle_increment

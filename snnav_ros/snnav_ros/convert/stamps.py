@@ -11,6 +11,7 @@ import math
 from typing import Any
 
 from snnav_core.errors import InvalidInput
+from snnav_ros.available import new_message
 
 __all__ = ["nanoseconds", "nanoseconds_from_stamp", "seconds", "seconds_from_stamp", "stamp_message"]
 
@@ -48,7 +49,5 @@ def seconds_from_stamp(stamp: Any) -> float:
 
 def stamp_message(stamp_ns: int) -> Any:
     """Return builtin_interfaces/Time of a time [ns]."""
-    from builtin_interfaces.msg import Time
-
     sec, nanosec = divmod(stamp_ns, _SECOND)
-    return Time(sec=sec, nanosec=nanosec)
+    return new_message("builtin_interfaces/Time", sec=sec, nanosec=nanosec)

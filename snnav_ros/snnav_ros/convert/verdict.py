@@ -7,6 +7,7 @@ from typing import Any
 
 from snnav_core.errors import InvalidInput
 from snnav_core.types import Certificate, PathSource, PlannedPath, Stop, StopReason
+from snnav_ros.available import new_message
 from snnav_ros.convert.stamps import nanoseconds, seconds
 
 __all__ = ["Verdict", "verdict_from_message", "verdict_to_message"]
@@ -45,17 +46,19 @@ class Verdict:
 
 def verdict_to_message(decision: PlannedPath | Stop, stamp_ns: int) -> Any:
     """Return the DiagnosticStatus of a decision; numbers are written so that reading gives the same float."""
-    from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-
     robot = decision.robot_id
     values = {"stamp": repr(seconds(stamp_ns))}
     if isinstance(decision, Stop):
         good = decision.reason is StopReason.ARRIVED
-        status = DiagnosticStatus(level=_OK if good else _WARN, message=decision.message)
+        status = new_message(
+            "diagnostic_msgs/DiagnosticStatus", level=_OK if good else _WARN, message=decision.message
+        )
         values["stop"] = decision.reason.value
     else:
         certificate = decision.certificate
-        status = DiagnosticStatus(level=_OK if certificate.accepted else _ERROR)
+        status = new_message(
+            "diagnostic_msgs/DiagnosticStatus", level=_OK if certificate.accepted else _ERROR
+        )
         status.message = "certified" if certificate.accepted else certificate.reason
         values["accepted"] = "true" if certificate.accepted else "false"
         values |= {name: getattr(certificate, name) for name in _TEXTS}
@@ -63,7 +66,9 @@ def verdict_to_message(decision: PlannedPath | Stop, stamp_ns: int) -> Any:
         values["source"] = decision.source.value
         values["planning_distance"] = repr(float(decision.planning_distance))
     status.name, status.hardware_id = f"{robot}: path", robot
-    status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
+    status.values = [
+        new_message("diagnostic_msgs/KeyValue", key=key, value=value) for key, value in values.items()
+    ]
     return status
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 
 from snnav_core.types import Pose2D
@@ -33,8 +34,6 @@ class FrameBroadcaster:
 
 
 def _transform(parent: str, child: str, pose: Pose2D, stamp_ns: int) -> object:
-    from geometry_msgs.msg import TransformStamped
-
     message = TransformStamped(header=header(stamp_ns, parent), child_frame_id=child)
     message.transform.translation.x, message.transform.translation.y = pose.x, pose.y
     message.transform.rotation = yaw_to_message(pose.heading)
