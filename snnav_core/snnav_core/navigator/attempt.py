@@ -96,7 +96,7 @@ class Attempt:
         own, opposite = (left, right) if rotation > 0 else (right, left)
         around = math.ceil(2.0 * math.pi * radius / link)
         barriers: list[Barrier] = [BoundaryBarrier(self.context.area.clearance_field.query, margins)]
-        clearance = self.settings.safety_margin + self.settings.planning_reserve
+        clearance = self.settings.safety_margin + self.distances.reserve
         for other in self.others:
             steps = np.arange(1, self.distances.window_points + 1, dtype=np.float64)
             times: FloatArray = self.time + self.distances.step * steps

@@ -206,7 +206,7 @@ def _stop_for(error: PlanningError, attempt: Attempt, goal: FloatArray, disks: D
 
 def _standing(attempt: Attempt) -> Disks:
     """Disks that candidates go around: standing robots, with the margin and the reserve."""
-    clearance = attempt.distances.least + attempt.settings.planning_reserve
+    clearance = attempt.distances.least + attempt.distances.reserve
     disks = []
     for other in attempt.others:
         if _stands(other, attempt.time):

@@ -9,7 +9,7 @@ import numpy as np
 
 from snnav_core.errors import InvalidInput
 from snnav_core.planning.adjustment import AdjustmentSettings
-from snnav_core.planning.certificate import CertificateSettings
+from snnav_core.planning.certificate import PIECES_PER_LINK, CertificateSettings
 from snnav_core.types import FloatArray, RobotSpec
 
 __all__ = ["NavigatorSettings", "RobotDistances"]
@@ -127,6 +127,7 @@ class RobotDistances:
         self.parts = max(1, math.ceil(self.stride / widest - 1e-9))
         self.link = self.stride / self.parts
         self.step = settings.sampling_interval / self.parts
+        self.reserve = settings.planning_reserve + settings.boundary_speed * self.step / PIECES_PER_LINK
         self.turn_radius = settings.turn_radius_factor * robot.min_turn_radius
         self.circle_radius = settings.circle_radius_factor * robot.min_turn_radius
         self.arrival = settings.arrival_distance or min(self.stride, max(0.1, 0.25 * self.stride))
@@ -139,12 +140,12 @@ class RobotDistances:
         """
         settings = self._settings
         times = np.arange(1, self.window_points + 1) * self.step
-        tolerance = self.tolerance + settings.planning_reserve
+        tolerance = self.tolerance + self.reserve
         distance = settings.safety_margin + times * settings.boundary_speed + tolerance
         return np.asarray(np.sqrt(distance**2 + 0.25 * self.link**2))
 
     @property
     def least(self) -> float:
         """Least distance that a path can be planned for [m]."""
-        tolerance = self.tolerance + self._settings.planning_reserve
+        tolerance = self.tolerance + self.reserve
         return math.hypot(self._settings.safety_margin + tolerance, 0.5 * self.link)

@@ -16,7 +16,18 @@ from shapely.geometry import MultiPolygon
 from snnav_core.errors import InvalidInput
 from snnav_core.types import Certificate, FloatArray, Pose2D, RobotSpec, TimedPath
 
-__all__ = ["BoundaryIndex", "CertificateSettings", "OtherRobot", "certify", "separation_fault"]
+__all__ = [
+    "PIECES_PER_LINK",
+    "BoundaryIndex",
+    "CertificateSettings",
+    "OtherRobot",
+    "certify",
+    "separation_fault",
+]
+
+PIECES_PER_LINK = 8
+"""So many pieces of a link are checked each when the boundary moves; a planner has to keep what the boundary moves in
+the time of one piece as a reserve."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,22 +199,24 @@ class _Check:
         self.distances = boundary.distances(self.pieces)
 
     def _pieces(self) -> tuple[FloatArray, FloatArray]:
-        """Cut the path into pieces short in time: end time of each relative to the start (M,), ends (M, 2, 2)."""
-        growth = self.settings.boundary_speed * self.path.step
-        parts = max(1, min(20, math.ceil(growth / max(0.5 * self.settings.tracking_tolerance, 1e-3))))
+        """Cut the path into pieces short in time: end time of each relative to the start (M,), ends (M, 2, 2).
+
+        Links within the window are cut when the boundary moves: a piece has to keep what is demanded at its end.
+        """
+        parts = PIECES_PER_LINK if self.settings.boundary_speed > 0.0 else 1
         links = len(self.path) - 1
+        window = self.settings.time_window * self.settings.sampling_interval
         if self.path.turn_to is not None or links == 0:
-            # The robot stands: one piece an interval, the whole window long.
-            count = self.settings.time_window * parts
-            duration = self.settings.time_window * self.settings.sampling_interval
+            # The robot stands: as many pieces as a path over the whole window has.
+            count = max(1, round(window / self.path.step)) * parts
             piece = np.stack((self.points[0], self.points[0]))
-            times: FloatArray = np.arange(1, count + 1, dtype=np.float64) * (duration / count)
-            return times, np.broadcast_to(piece, (count, 2, 2)).copy()
-        fractions: FloatArray = np.arange(links * parts + 1, dtype=np.float64) / parts
-        index = np.minimum(fractions.astype(np.int64), links - 1)
-        share = (fractions - index)[:, None]
-        knots = self.points[index] * (1.0 - share) + self.points[index + 1] * share
-        return fractions[1:] * self.path.step, np.stack((knots[:-1], knots[1:]), axis=1)
+            return np.arange(1, count + 1) * (window / count), np.broadcast_to(piece, (count, 2, 2)).copy()
+        inner = min(links, math.ceil(window / self.path.step - 1e-9))
+        knots = np.concatenate((np.arange(inner * parts) / parts, np.arange(inner, links + 1)))
+        index = np.minimum(knots.astype(np.int64), links - 1)
+        share = (knots - index)[:, None]
+        points = self.points[index] * (1.0 - share) + self.points[index + 1] * share
+        return knots[1:] * self.path.step, np.stack((points[:-1], points[1:]), axis=1)
 
     def least_radius(self) -> float:
         """Least circumscribed radius abc / (4 area) of three successive points [m]."""
