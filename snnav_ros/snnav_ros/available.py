@@ -56,9 +56,9 @@ def _message_class(name: str) -> Any:
     return getattr(import_module(f"{package}.msg"), interface)
 
 
-def new_message(name: str, **fields: Any) -> Any:
+def new_message(kind: str, /, **fields: Any) -> Any:
     """Return a message by the name of its type, such as ``nav_msgs/Path``; its package is imported when first used."""
-    return _message_class(name)(**fields)
+    return _message_class(kind)(**fields)
 
 
 def has_tf2() -> bool:
