@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Self
@@ -19,6 +19,7 @@ from rosbags.interfaces import (
     QosTime,
 )
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2.storage_mcap import McapWriter
 
 from snnav_ros.bag.errors import BagError, one_line
 from snnav_ros.bag.messages import jazzy_types
@@ -27,6 +28,8 @@ __all__ = ["LATCHED_TOPICS", "BagWriter"]
 
 LATCHED_TOPICS = ("unoccupied_area", "unoccupied_area/grid", "map", "octomap_points", "tf_static")
 """Topics that the nodes publish transient local; the bag offers them so as well."""
+
+_CHUNK_BYTES = 16 * 2**20
 
 _FOREVER = QosTime(9_223_372_036, 854_775_807)
 _LATCHED = Qos(
@@ -40,6 +43,29 @@ _LATCHED = Qos(
     _FOREVER,
     False,
 )
+
+
+class _LargeChunks(McapWriter):
+    """Closes a chunk at 16 MiB instead of 1 MiB: what repeats from step to step is then compressed away.
+
+    A run with a network at rest, 80 areas of 130 kB among 22 MB, takes 0.7 instead of 2.4 MB.
+    """
+
+    _is_last = False
+
+    def close_chunk(self) -> None:
+        """Close the chunk if it is large enough, or the last one."""
+        if self._is_last or self.chunk.bio.tell() >= _CHUNK_BYTES:
+            super().close_chunk()
+
+    def close(self, version: int, metadata: str) -> None:
+        """Write what is left and the index."""
+        self._is_last = True
+        super().close(version, metadata)
+
+
+class _McapBag(Writer):
+    STORAGE_PLUGINS: Mapping[StoragePlugin, type[McapWriter]] = {StoragePlugin.MCAP: _LargeChunks}
 
 
 class BagWriter:
@@ -117,7 +143,7 @@ class BagWriter:
             raise BagError(
                 f"{self.path}: cannot be made ({one_line(error)}); choose a writable place"
             ) from None
-        self._writer = Writer(
+        self._writer = _McapBag(
             self._workplace / self.path.name, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP
         )
         if self._compress:

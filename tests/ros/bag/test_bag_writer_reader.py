@@ -288,3 +288,17 @@ def test_real_recordings_of_all_kinds(name: str, topic: str, count: int, beams: 
 def test_a_directory_may_have_any_name(tmp_path: Path, name: str) -> None:
     with BagReader(write_bag(tmp_path / name)) as bag:
         assert len(list(bag.messages())) == 8
+
+
+def test_what_repeats_costs_little_and_large_bags_read_back(tmp_path: Path) -> None:
+    ranges = np.random.default_rng(1).uniform(1, 9, 30_000)  # 120 kB that compression can do nothing about
+    with BagWriter(tmp_path / "run") as bag:
+        for k in range(200):
+            bag.write("scan", laser_scan(k, "laser", ranges, -1.0, 1e-4, 80.0), k)
+    assert (tmp_path / "run" / "run.mcap").stat().st_size < 500_000
+    with (tmp_path / "run" / "run.mcap").open("rb") as stream:
+        reader = make_reader(stream)
+        assert reader.get_summary().statistics.chunk_count == 2
+        assert [message.log_time for _, _, message in reader.iter_messages()] == list(range(200))
+    with BagReader(tmp_path / "run") as bag:
+        assert [m.stamp_ns for m in bag.messages()] == list(range(200))
