@@ -17,6 +17,7 @@ from snnav_core.types import FloatArray
 __all__ = ["ClearanceField"]
 
 _MAX_BINS = 250_000
+_FARTHEST = 1e8  # [m]; a point with a larger coordinate is outside of every area
 
 
 @numba.njit(cache=True)
@@ -68,6 +69,9 @@ def _query(points, limit, starts, ends, normals_start, normals_end, offsets, mem
     gradient = np.zeros((count, 2))
     for i in range(count):
         px, py = points[i, 0], points[i, 1]
+        if not (abs(px) < _FARTHEST and abs(py) < _FARTHEST):
+            distance[i] = -math.inf  # NaN too: nothing is known to be free there
+            continue
         cx = int(math.floor((px - origin[0]) / size))
         cy = int(math.floor((py - origin[1]) / size))
         # Rings of bins start where the grid does, for a point outside of it.
@@ -86,10 +90,10 @@ def _query(points, limit, starts, ends, normals_start, normals_end, offsets, mem
                     break
             for ix in range(max(cx - ring, 0), min(cx + ring, nx - 1) + 1):
                 edge = ix == cx - ring or ix == cx + ring
-                step = 1 if edge or ring == 0 else 2 * ring
-                iy = cy - ring
-                while iy <= cy + ring:
-                    if 0 <= iy < ny:
+                step = 1 if edge else 2 * ring
+                iy = max(cy - ring, 0) if edge else cy - ring
+                while iy <= min(cy + ring, ny - 1):
+                    if iy >= 0:
                         b = ix * ny + iy
                         for m in range(offsets[b], offsets[b + 1]):
                             s = members[m]
@@ -181,7 +185,8 @@ class ClearanceField:
         Returns
         -------
         distance : ndarray, shape (N,)
-            Distance to the boundary [m], negative outside the area; -inf everywhere when the area is empty.
+            Distance to the boundary [m], negative outside the area; -inf everywhere when the area is empty, and for
+            points that are not finite or 1e8 m away.
         gradient : ndarray, shape (N, 2)
             Unit vector of growing distance.
         """

@@ -32,7 +32,8 @@ class AdjustmentSettings:
     exact_barriers : bool
         Project violating points instead of pushing them by a spring (C0-5).
     cold_passes, warm_passes : int
-        Pass limits (C0-15).
+        Pass limits. Deviation C0-15 (3000, 300): with exact barriers and candidates that start on the reduced area all
+        successful adjustments took fewer than 200 passes; those that did not rest by 600 never did.
     """
 
     interval_gain: float = 0.4
@@ -43,8 +44,8 @@ class AdjustmentSettings:
     shortest_end: float = 0.3
     longest_end: float = 1.5
     exact_barriers: bool = True
-    cold_passes: int = 3000
-    warm_passes: int = 300
+    cold_passes: int = 600
+    warm_passes: int = 150
 
 
 @dataclass(frozen=True)
