@@ -110,6 +110,8 @@ def agree(
     contradictions : dict of str to int
         Per sensor: its returns through which rays of another sensor passed by more than `contradiction_depth`.
     """
+    if not detected:
+        return [], {}
     returns = _all_returns(detected)
     deepest = np.zeros(len(returns))
     agreed = []

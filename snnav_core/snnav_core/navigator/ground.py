@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from shapely.geometry import MultiPolygon
 
-from snnav_core.area.planar import UnoccupiedArea
+from snnav_core.area.planar import UnoccupiedArea, shrink
 from snnav_core.errors import InvalidInput
 from snnav_core.navigator.attempt import Attempt
 from snnav_core.navigator.context import AreaContext
@@ -18,6 +19,8 @@ from snnav_core.planning.certificate import OtherRobot, separation_fault
 from snnav_core.types import PlannedPath, RobotSpec, RobotState, StepResult, Stop, StopReason, TimedPath
 
 __all__ = ["GroundNavigator"]
+
+_TIME_TOLERANCE = 1e-6
 
 
 class GroundNavigator:
@@ -65,7 +68,7 @@ class GroundNavigator:
         time : float
             t [s].
         area : UnoccupiedArea
-            A(t).
+            A(t). An older one is reduced by what its boundary may have moved since.
         states : mapping
             Robot id -> measured state, stamped t (up to one sampling interval old).
         goals : mapping
@@ -86,8 +89,10 @@ class GroundNavigator:
         if time < self._time:
             self.reset()
         self._time = time
-        self._update_context(area)
-        self._states.update({name: state for name, state in states.items() if name in self.robots})
+        self._update_context(self._aged(area, time))
+        for name, state in states.items():
+            if name in self.robots and not self._state_fault(time, state):
+                self._states[name] = state
         decisions: dict[str, PlannedPath | Stop] = {}
         for name, robot in self.robots.items():
             others = self._others(name, time, decisions)
@@ -96,6 +101,17 @@ class GroundNavigator:
         for name, decision in decisions.items():
             self._remember(name, decision)
         return StepResult(time, decisions)
+
+    def _aged(self, area: UnoccupiedArea, time: float) -> UnoccupiedArea:
+        """The part of an older area that is free for sure at `time` [s]; nothing when it is older than the window."""
+        age = time - area.stamp
+        if age <= _TIME_TOLERANCE:
+            return area
+        if age > self.settings.time_window * self.settings.sampling_interval:
+            return UnoccupiedArea(time, MultiPolygon(), area.contradictions)
+        return UnoccupiedArea(
+            time, shrink(area.region, age * self.settings.boundary_speed), area.contradictions
+        )
 
     def _update_context(self, area: UnoccupiedArea) -> None:
         fresh = AreaContext(area, self.settings.simplification)
@@ -116,11 +132,11 @@ class GroundNavigator:
                 continue
             decision = decisions.get(other)
             memory = self._memory.get(other)
-            plan = memory.plan if decision is None and memory is not None else None
-            if isinstance(decision, PlannedPath):
-                path = decision.path
-            elif plan is not None and time < plan.certificate.valid_until:
-                path = plan.path
+            plan = decision if isinstance(decision, PlannedPath) else None
+            if memory is not None and (decision is None or _is_silent(decision)):
+                plan = memory.plan
+            if plan is not None and time < plan.certificate.valid_until:
+                path = _until(plan.path, plan.certificate.valid_until)
             else:
                 path = TimedPath(time, self._distances[other].step, state.pose.position[None])
             radius = max(robot.radius, self.robots[name].radius)
@@ -137,13 +153,16 @@ class GroundNavigator:
     ) -> PlannedPath | Stop:
         context = self._context
         assert context is not None
-        if state is None or time - state.stamp > self.settings.sampling_interval + 1e-6:
-            age = "never measured" if state is None else f"measured {time - state.stamp:.2f} s ago"
-            return Stop(
-                robot.id, StopReason.NO_STATE, f"pose of robot {robot.id} was {age}; check its odometry"
-            )
+        unusable = self._state_fault(time, state)
+        if state is None or unusable:
+            message = f"pose of robot {robot.id} {unusable}; check its odometry"
+            return Stop(robot.id, StopReason.NO_STATE, message)
         if goal is None:
             return Stop(robot.id, StopReason.NO_GOAL, f"robot {robot.id} has no goal")
+        if not all(math.isfinite(value) for value in goal):
+            return Stop(
+                robot.id, StopReason.NO_GOAL, f"goal {goal} of robot {robot.id} is not finite; set another"
+            )
         if context.area.is_empty:
             return Stop(robot.id, StopReason.NO_AREA, "nothing is known to be free; check the sensors")
         memory = self._memory.get(robot.id)
@@ -159,6 +178,17 @@ class GroundNavigator:
         )
         decision, self._memory[robot.id] = plan_robot(attempt, memory, self._changed)
         return decision
+
+    def _state_fault(self, time: float, state: RobotState | None) -> str:
+        """Why a measured state cannot be used, or an empty string."""
+        if state is None:
+            return "was never measured"
+        if time - state.stamp > self.settings.sampling_interval + _TIME_TOLERANCE:
+            return f"was measured {time - state.stamp:.2f} s ago"
+        pose = state.pose
+        if not all(math.isfinite(value) for value in (pose.x, pose.y, pose.heading)):
+            return f"is ({pose.x}, {pose.y}, {pose.heading})"
+        return ""
 
     def _settle(self, time: float, decisions: dict[str, PlannedPath | Stop]) -> None:
         """Stop robots whose paths no longer agree with what others decided after them, until all agree."""
@@ -182,4 +212,16 @@ class GroundNavigator:
     def _remember(self, name: str, decision: PlannedPath | Stop) -> None:
         if name in self._memory:
             plan = decision if isinstance(decision, PlannedPath) else None
-            self._memory[name] = replace(self._memory[name], plan=plan)
+            if not _is_silent(decision):
+                self._memory[name] = replace(self._memory[name], plan=plan)
+
+
+def _is_silent(decision: PlannedPath | Stop) -> bool:
+    """Whether a robot got no path because nothing is heard of it: it may still follow its last one."""
+    return isinstance(decision, Stop) and decision.reason is StopReason.NO_STATE
+
+
+def _until(path: TimedPath, end: float) -> TimedPath:
+    """The part of a path up to time `end` [s], where the robot stops without a new one."""
+    count = math.floor((end - path.start_time) / path.step + 1e-6) + 1
+    return path if count >= len(path) else TimedPath(path.start_time, path.step, path.points[: max(count, 1)])

@@ -209,14 +209,15 @@ class _Check:
         if self.path.turn_to is not None or links == 0:
             # The robot stands: as many pieces as a path over the whole window has.
             count = max(1, round(window / self.path.step)) * parts
-            piece = np.stack((self.points[0], self.points[0]))
-            return np.arange(1, count + 1) * (window / count), np.broadcast_to(piece, (count, 2, 2)).copy()
+            standing: FloatArray = np.tile(self.points[0], (count, 2, 1))
+            return np.linspace(window / count, window, count), standing
         inner = min(links, math.ceil(window / self.path.step - 1e-9))
-        knots = np.concatenate((np.arange(inner * parts) / parts, np.arange(inner, links + 1)))
+        knots: FloatArray = np.concatenate((np.arange(inner * parts) / parts, np.arange(inner, links + 1)))
         index = np.minimum(knots.astype(np.int64), links - 1)
         share = (knots - index)[:, None]
         points = self.points[index] * (1.0 - share) + self.points[index + 1] * share
-        return knots[1:] * self.path.step, np.stack((points[:-1], points[1:]), axis=1)
+        times: FloatArray = knots[1:] * self.path.step
+        return times, np.stack((points[:-1], points[1:]), axis=1)
 
     def least_radius(self) -> float:
         """Least circumscribed radius abc / (4 area) of three successive points [m]."""
