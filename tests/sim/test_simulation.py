@@ -79,3 +79,16 @@ def test_the_end_watch_waits_longer_where_bodies_move(room: Scene) -> None:
         for step in range(3 * patience):
             stops = {} if step % patience == patience - 1 else {"r": "no_path"}
             assert watch.update(0.5 * step, stops) == "", "a path now and then is progress"
+
+
+@pytest.mark.slow
+def test_three_robots_cross_the_factory_among_two_people() -> None:
+    scene = load_scene(find_scene("factory"))
+    assert len(scene.sensors) >= 8
+    assert (len(scene.robots), len(scene.movers)) == (3, 2)
+    metrics = compute_metrics(scene, simulate(scene))
+    assert metrics["duration"] < 80.0
+    for robot in metrics["robots"].values():
+        assert robot["reached"]
+        assert robot["margin_violations"] == 0
+        assert robot["least_separation"] >= scene.safety_margin

@@ -17,7 +17,6 @@ from matplotlib.path import Path as Outline
 from shapely.geometry.base import BaseGeometry
 
 from snnav_core.types import FloatArray
-from snnav_sim.report.optimum import reduced
 from snnav_sim.report.record import RunRecord
 from snnav_sim.report.truth import GroundTruth
 from snnav_sim.scene_types import Circle, Mover, Scene, SensorScene, Shape
@@ -47,11 +46,11 @@ def draw_scene(scene: Scene, record: RunRecord, truth: GroundTruth, file: Path) 
     _fill(axes, border, facecolor=_UNSEEN, edgecolor="none")
     _fill(axes, truth.area, facecolor=_SEEN, edgecolor="#9dbfdb", linewidth=0.6)
     _fill(
-        axes, reduced(truth.area, scene.safety_margin), edgecolor=_REDUCED, linestyle=(0, (4, 3)), **_OUTLINE
+        axes, truth.reduced_area(scene.safety_margin), edgecolor=_REDUCED, linestyle=(0, (4, 3)), **_OUTLINE
     )
-    planned = _planning_distance(record)
+    planned = _planning_distance(scene, record)
     if planned is not None:
-        _fill(axes, reduced(truth.area, planned), edgecolor=_REDUCED, linestyle=(0, (1, 3)), **_OUTLINE)
+        _fill(axes, truth.reduced_area(planned), edgecolor=_REDUCED, linestyle=(0, (1, 3)), **_OUTLINE)
     _draw_world(axes, scene, truth)
     for sensor in scene.sensors:
         _draw_sensor(axes, sensor, border, detailed=len(scene.sensors) <= 20)
@@ -88,7 +87,7 @@ def draw_clearance(scene: Scene, record: RunRecord, truth: GroundTruth, file: Pa
     """Draw the distance of every robot's centre to the true obstacles over time as a PNG."""
     figure = Figure(figsize=(_WIDTH, 4.2), layout="constrained")
     axes = figure.add_subplot()
-    highest = 3.0 * scene.safety_margin
+    bottom, top = 0.0, 3.0 * scene.safety_margin
     for index, robot in enumerate(scene.robots):
         rows = record.trajectory(robot.id)
         if len(rows) == 0:
@@ -104,8 +103,8 @@ def draw_clearance(scene: Scene, record: RunRecord, truth: GroundTruth, file: Pa
             label=f"{robot.id}, least {clearance[lowest]:.2f} m",
         )
         axes.plot(rows[lowest, 0], clearance[lowest], marker="o", markersize=4, color=colour)
-        highest = max(highest, float(clearance.max()))
-    axes.axhspan(-1.0, scene.safety_margin, color=_MARGIN, alpha=0.08, linewidth=0)
+        bottom, top = min(bottom, float(clearance.min())), max(top, float(clearance.max()))
+    axes.axhspan(bottom, scene.safety_margin, color=_MARGIN, alpha=0.08, linewidth=0)
     axes.axhline(
         scene.safety_margin,
         color=_MARGIN,
@@ -114,7 +113,7 @@ def draw_clearance(scene: Scene, record: RunRecord, truth: GroundTruth, file: Pa
         label=f"safety margin {scene.safety_margin:g} m",
     )
     axes.set_xlim(0.0, max(_end(record), scene.sampling_interval))
-    axes.set_ylim(0.0, 1.05 * highest)
+    axes.set_ylim(bottom, 1.05 * top)
     axes.grid(alpha=0.25, linewidth=0.5)
     axes.set_xlabel("time [s]")
     axes.set_ylabel("clearance [m]")
@@ -124,10 +123,11 @@ def draw_clearance(scene: Scene, record: RunRecord, truth: GroundTruth, file: Pa
     figure.savefig(file, dpi=_DPI)
 
 
-def _planning_distance(record: RunRecord) -> float | None:
-    """Return the least distance that a path was planned for [m]."""
+def _planning_distance(scene: Scene, record: RunRecord) -> float | None:
+    """Return the least distance that a path was planned for [m], if a line for it can be told from the margin's."""
     distances = [d.planning_distance for d in record.decisions if d.planning_distance is not None]
-    return min(distances, default=None)
+    planned = min(distances, default=0.0)
+    return planned if planned > 1.1 * scene.safety_margin else None
 
 
 def _end(record: RunRecord) -> float:

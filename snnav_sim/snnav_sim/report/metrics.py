@@ -14,7 +14,7 @@ import snnav_core
 import snnav_sim
 from snnav_core.errors import PlanningError
 from snnav_core.types import FloatArray, StopReason
-from snnav_sim.report.optimum import reduced, shortest_path
+from snnav_sim.report.optimum import shortest_path
 from snnav_sim.report.record import Decision, RunRecord
 from snnav_sim.report.truth import GroundTruth
 from snnav_sim.scene_types import RobotScene, Scene
@@ -147,7 +147,7 @@ def _optima(
 
 def _optimum(robot: RobotScene, truth: GroundTruth, distance: float) -> float | None:
     try:
-        return shortest_path(reduced(truth.area, distance), robot.start, robot.target)[0]
+        return shortest_path(truth.reduced_area(distance), robot.start, robot.target)[0]
     except PlanningError:
         return None
 

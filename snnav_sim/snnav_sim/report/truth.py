@@ -14,6 +14,7 @@ from snnav_core.area.fusion import AreaFusion
 from snnav_core.types import FloatArray
 from snnav_sim.configure import fusion_settings, planar_sensor
 from snnav_sim.devices.recorded import Recorded
+from snnav_sim.report.optimum import reduced
 from snnav_sim.scene_types import Scene
 from snnav_sim.world import World
 
@@ -37,11 +38,18 @@ class GroundTruth:
         self.scene = scene
         self.world = World(scene)
         self._still = World(replace(scene, movers=()))
+        self._reduced: dict[float, BaseGeometry] = {}
 
     @cached_property
     def area(self) -> BaseGeometry:
         """The true unoccupied area without moving bodies [m, map]; the fused area for recorded sensors."""
         return self._fused[0] if self.scene.recorded else self._still.true_unoccupied_area()
+
+    def reduced_area(self, distance: float) -> BaseGeometry:
+        """Return the points of `area` at least `distance` [m] from its boundary [m, map]; kept for the next call."""
+        if distance not in self._reduced:
+            self._reduced[distance] = reduced(self.area, distance)
+        return self._reduced[distance]
 
     @property
     def returns(self) -> FloatArray:
