@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numba
@@ -58,21 +59,33 @@ def cast(
     For every segment only the beams inside the angle it subtends are computed: the cost is the number of
     (segment, covered beam) pairs plus one bearing per end.
     """
-    ranges = np.full(beams, np.inf)
-    angles = heading + angle_min + increment * np.arange(beams)
+    ranges = np.empty(beams)
+    cosines, sines = _fan(increment, beams)
+    segments = np.ascontiguousarray(segments, dtype=np.float64)
+    circles = np.ascontiguousarray(circles, dtype=np.float64)
     _cast(
         origin[0],
         origin[1],
         heading + angle_min,
         increment,
-        np.cos(angles),
-        np.sin(angles),
-        np.ascontiguousarray(segments, dtype=np.float64),
-        np.ascontiguousarray(circles, dtype=np.float64),
+        cosines,
+        sines,
+        segments,
+        circles,
+        range_max,
         ranges,
     )
-    ranges[ranges > range_max] = np.inf
     return ranges
+
+
+@lru_cache(maxsize=64)
+def _fan(increment: float, beams: int) -> tuple[FloatArray, FloatArray]:
+    """Return cosine and sine of the bearings 0, increment, ..., each shape (B,), read only."""
+    bearings = increment * np.arange(beams)
+    cosines, sines = np.cos(bearings), np.sin(bearings)
+    cosines.setflags(write=False)
+    sines.setflags(write=False)
+    return cosines, sines
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -96,13 +109,40 @@ def _cast(
     y: float,
     first: float,
     increment: float,
+    fan_cosines: NDArray[np.float64],
+    fan_sines: NDArray[np.float64],
+    segments: NDArray[np.float64],
+    circles: NDArray[np.float64],
+    range_max: float,
+    ranges: NDArray[np.float64],
+) -> None:
+    """Write the distance to the first hit of every beam into `ranges`."""
+    beams = ranges.shape[0]
+    cosines, sines = np.empty(beams), np.empty(beams)
+    turn_cosine, turn_sine = math.cos(first), math.sin(first)
+    for beam in range(beams):
+        cosines[beam] = turn_cosine * fan_cosines[beam] - turn_sine * fan_sines[beam]
+        sines[beam] = turn_sine * fan_cosines[beam] + turn_cosine * fan_sines[beam]
+        ranges[beam] = np.inf
+    _meet_segments(x, y, first, increment, cosines, sines, segments, ranges)
+    _meet_circles(x, y, first, increment, cosines, sines, circles, ranges)
+    for beam in range(beams):
+        if ranges[beam] > range_max:
+            ranges[beam] = np.inf
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _meet_segments(
+    x: float,
+    y: float,
+    first: float,
+    increment: float,
     cosines: NDArray[np.float64],
     sines: NDArray[np.float64],
     segments: NDArray[np.float64],
-    circles: NDArray[np.float64],
     ranges: NDArray[np.float64],
 ) -> None:
-    """Lower `ranges` to the hits of every segment and circle."""
+    """Lower `ranges` to the hits of every segment that shows its free side."""
     beams = ranges.shape[0]
     interval = np.zeros(4, dtype=np.int64)
     for index in range(segments.shape[0]):
@@ -127,12 +167,28 @@ def _cast(
                 along = cosines[beam] * ey - sines[beam] * ex
                 distance = area / along if along * farthest > area else farthest
                 ranges[beam] = min(ranges[beam], distance)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _meet_circles(
+    x: float,
+    y: float,
+    first: float,
+    increment: float,
+    cosines: NDArray[np.float64],
+    sines: NDArray[np.float64],
+    circles: NDArray[np.float64],
+    ranges: NDArray[np.float64],
+) -> None:
+    """Lower `ranges` to the hits of every disk; to 0 inside one."""
+    beams = ranges.shape[0]
+    interval = np.zeros(4, dtype=np.int64)
     for index in range(circles.shape[0]):
         cx, cy, radius = circles[index, 0] - x, circles[index, 1] - y, circles[index, 2]
         square = cx * cx + cy * cy
         if square <= radius * radius:
             ranges[:] = 0.0
-            continue
+            return
         half = math.asin(radius / math.sqrt(square))
         _mark(math.atan2(cy, cx) - half, 2.0 * half, first, increment, beams, interval)
         for part in range(0, 4, 2):
