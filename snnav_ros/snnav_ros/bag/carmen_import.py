@@ -11,12 +11,13 @@ import numpy as np
 from snnav_core.types import FloatArray
 from snnav_ros.bag.carmen import CarmenLog, CarmenScan
 from snnav_ros.bag.messages import laser_scan, pose_stamped
+from snnav_ros.bag.settings import POSE_TOPIC, SCAN_TOPIC
 from snnav_ros.bag.writer import BagWriter
+from snnav_ros.convert import MAP_FRAME
 
-__all__ = ["LASER_FRAME", "MAP_FRAME", "POSE_TOPIC", "SCAN_TOPIC", "ImportSummary", "write_carmen_bag"]
+__all__ = ["LASER_FRAME", "ImportSummary", "write_carmen_bag"]
 
-SCAN_TOPIC, POSE_TOPIC = "scan", "pose"
-LASER_FRAME, MAP_FRAME = "laser", "map"
+LASER_FRAME = "laser"
 _NANOSECONDS = 1_000_000_000
 _PROGRESS_EVERY = 50
 

@@ -4,33 +4,14 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import fields
+from importlib import import_module
 from pathlib import Path
 
-import numpy as np
-from rich.console import Console
-
-from snnav_ros.bag.carmen import read_carmen
-from snnav_ros.bag.carmen_import import POSE_TOPIC, SCAN_TOPIC, write_carmen_bag
-from snnav_ros.bag.evaluation import EvaluationSettings, evaluate
-from snnav_ros.bag.evaluation_report import MARK, evaluation_table, is_accepted, write_evaluation
-from snnav_ros.bag.files import check_directory, write_text
-from snnav_ros.bag.network import (
-    NetworkSettings,
-    SensorNetwork,
-    build_network,
-    choose_evenly,
-    read_posed_scans,
-)
-from snnav_ros.bag.progress import counter
-from snnav_ros.bag.routes import LEAST_ROUTE, Route, pick_routes, robots_on_routes
-from snnav_sim.scene import dump_scene, parse_scene
+from snnav_ros.bag.settings import POSE_TOPIC, SCAN_TOPIC, EvaluationSettings, NetworkSettings
 
 __all__ = ["add_parser"]
-
-_TABLE_WIDTH = 160  # columns, when the output is not a terminal
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -38,6 +19,16 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     _add_import(subparsers)
     _add_network(subparsers)
     _add_evaluation(subparsers)
+
+
+def _deferred(module: str) -> Callable[[argparse.Namespace], int]:
+    """Return a function that imports what the subcommand needs only when it is run (numba takes a second)."""
+
+    def call(arguments: argparse.Namespace) -> int:
+        status: int = import_module(f"snnav_ros.bag.{module}").run(arguments)
+        return status
+
+    return call
 
 
 def _number(least: float, above: bool = False) -> Callable[[str], float]:
@@ -75,23 +66,7 @@ def _add_import(subparsers: argparse._SubParsersAction[argparse.ArgumentParser])
     )
     parser.add_argument("log", metavar="LOG", type=Path, help="CARMEN log, .log or .log.gz")
     parser.add_argument("bag", metavar="BAG", type=Path, help="bag to make; must not exist")
-    parser.set_defaults(func=run_import)
-
-
-def run_import(arguments: argparse.Namespace) -> int:
-    """Run ``snnav import-carmen``."""
-    with counter("reading scans") as progress:
-        log = read_carmen(arguments.log, progress)
-    for warning in log.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
-    with counter("writing scans", len(log.scans)) as progress:
-        summary = write_carmen_bag(log, arguments.bag, progress)
-    beams = " or ".join(map(str, summary.beams))
-    width, height = summary.extent
-    print(f"{summary.scans} {log.kind} scans of {beams} beams, {log.no_return}")
-    print(f"{width:.1f} x {height:.1f} m, path {summary.path_length:.1f} m, {summary.duration:.1f} s")
-    print(f"written: {arguments.bag} (topics {SCAN_TOPIC}, {POSE_TOPIC})")
-    return 0
+    parser.set_defaults(func=_deferred("run_import"))
 
 
 def _add_network(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -127,55 +102,7 @@ def _add_network(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]
         ("--sampling-interval", "sampling_interval", "between two decisions [s]"),
     ):
         parser.add_argument(flag, type=_number(0.0, above=True), default=defaults[name], help=text)
-    parser.set_defaults(func=run_network)
-
-
-def run_network(arguments: argparse.Namespace) -> int:
-    """Run ``snnav network``."""
-    names = [field.name for field in fields(NetworkSettings) if field.name in arguments]
-    settings = NetworkSettings(**{name: getattr(arguments, name) for name in names})
-    scans, left_out = read_posed_scans(arguments.bag, arguments.topic, arguments.pose_topic)
-    if left_out:
-        print(f"warning: {arguments.bag}: {left_out} scans without a usable pose left out", file=sys.stderr)
-    nodes, every = getattr(arguments, "nodes", None), getattr(arguments, "every", None)
-    chosen = choose_evenly(len(scans), nodes, every)
-    description = f"{len(chosen)} of {len(scans)} scans of {arguments.bag.stem} as fixed sensor nodes"
-    network = build_network([scans[index] for index in chosen], arguments.out.stem, description, settings)
-    routes = _routes(network, arguments.robots, settings)
-    scene = replace(network.scene, robots=robots_on_routes(routes, settings))
-    text = dump_scene(scene)
-    parse_scene(text, str(arguments.out))  # what is written can be run
-    write_text(arguments.out, text)
-    _print_network(network, routes)
-    print(f"written: {arguments.out} (snnav run {arguments.out})")
-    return 0
-
-
-def _routes(network: SensorNetwork, robots: int, settings: NetworkSettings) -> list[Route]:
-    if not robots:
-        return []
-    generator = np.random.default_rng(settings.seed)
-    separation = settings.safety_margin + 2.0 * settings.radius
-    return pick_routes(network.largest_component, robots, generator, separation)
-
-
-def _print_network(network: SensorNetwork, routes: list[Route]) -> None:
-    margin = network.scene.safety_margin
-    reduced = sum(part.area for part in network.components)
-    share = network.components[0].area / reduced if network.components else 0.0
-    print(
-        f"{len(network.scene.sensors)} nodes see {network.area.region.area:.1f} m2 free; at {margin:g} m from "
-        f"everything {reduced:.1f} m2, {100 * share:.0f} % of them connected"
-    )
-    print(
-        f"{100 * network.contradiction_share:.1f} % of {network.return_count} returns lie where another node saw "
-        "free space (they count as obstacles)"
-    )
-    for index, route in enumerate(routes, start=1):
-        (x0, y0), (x1, y1) = route.start, route.target
-        print(f"robot_{index}: ({x0:.1f}, {y0:.1f}) -> ({x1:.1f}, {y1:.1f}), {route.distance:.1f} m")
-        if route.distance < LEAST_ROUTE:
-            print(f"warning: robot_{index} has no target {LEAST_ROUTE:g} m away", file=sys.stderr)
+    parser.set_defaults(func=_deferred("run_network"))
 
 
 def _add_evaluation(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -199,22 +126,4 @@ def _add_evaluation(subparsers: argparse._SubParsersAction[argparse.ArgumentPars
     parser.add_argument("--seed", type=_whole(0), default=defaults.network.seed, help="of starts and targets")
     parser.add_argument("--out", metavar="DIR", type=Path, default=Path("runs/evaluate-logs"), help="results")
     parser.add_argument("--jobs", metavar="J", type=_whole(1), default=2, help="processes")
-    parser.set_defaults(func=run_evaluation)
-
-
-def run_evaluation(arguments: argparse.Namespace) -> int:
-    """Run ``snnav evaluate-logs``."""
-    check_directory(arguments.out, MARK)
-    settings = EvaluationSettings(arguments.nodes, arguments.pairs, NetworkSettings(seed=arguments.seed))
-    with counter("routes", len(arguments.logs) * (1 + arguments.pairs)) as progress:
-        results = evaluate(arguments.logs, settings, arguments.jobs, progress)
-    for result in results:
-        for warning in result.building.warnings:
-            print(f"warning: {warning}", file=sys.stderr)
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_TABLE_WIDTH)
-    console.print(evaluation_table(results, settings.network.safety_margin))
-    write_evaluation(arguments.out, results, settings)
-    print(f"written: {arguments.out} (tables, figures, scenes of failed routes)")
-    return 0 if is_accepted(results) else 1
+    parser.set_defaults(func=_deferred("run_evaluation"))

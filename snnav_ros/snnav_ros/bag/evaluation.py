@@ -16,32 +16,23 @@ from shapely.geometry.base import BaseGeometry
 from snnav_core.errors import PlanningError
 from snnav_core.types import FloatArray, StopReason
 from snnav_ros.bag.carmen import read_carmen
-from snnav_ros.bag.carmen_import import POSE_TOPIC, SCAN_TOPIC, write_carmen_bag
+from snnav_ros.bag.carmen_import import write_carmen_bag
 from snnav_ros.bag.errors import LogError
 from snnav_ros.bag.margins import MarginCheck, recorded_returns
 from snnav_ros.bag.network import (
-    NetworkSettings,
     SensorNetwork,
     build_network,
     choose_evenly,
     read_posed_scans,
 )
 from snnav_ros.bag.routes import Route, pick_routes, robots_on_routes
+from snnav_ros.bag.settings import POSE_TOPIC, SCAN_TOPIC, EvaluationSettings, NetworkSettings
 from snnav_sim.report.optimum import reduced, shortest_path
 from snnav_sim.report.record import RunRecord
 from snnav_sim.scene import Scene
 from snnav_sim.simulation import simulate
 
-__all__ = ["Building", "BuildingResult", "EvaluationSettings", "PairResult", "evaluate", "name_of"]
-
-
-@dataclass(frozen=True, slots=True)
-class EvaluationSettings:
-    """What is run: nodes and routes a building, the seed of the routes, the values of robot and planner."""
-
-    nodes: int = 40
-    pairs: int = 10
-    network: NetworkSettings = field(default_factory=NetworkSettings)
+__all__ = ["Building", "BuildingResult", "PairResult", "evaluate", "name_of"]
 
 
 @dataclass(frozen=True)

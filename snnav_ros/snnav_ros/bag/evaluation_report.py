@@ -17,8 +17,9 @@ from rich.table import Table
 from rich.text import Text
 
 import snnav_core
-from snnav_ros.bag.evaluation import BuildingResult, EvaluationSettings, PairResult
+from snnav_ros.bag.evaluation import BuildingResult, PairResult
 from snnav_ros.bag.files import make_directory
+from snnav_ros.bag.settings import EvaluationSettings
 from snnav_sim.report.record import RunRecord
 from snnav_sim.report.truth import GroundTruth
 from snnav_sim.scene import Scene, dump_scene

@@ -21,13 +21,13 @@ from snnav_core.types import FloatArray, Pose2D, wrap_angle
 from snnav_ros.bag.errors import NetworkError
 from snnav_ros.bag.messages import pose_of
 from snnav_ros.bag.reader import BagReader
+from snnav_ros.bag.settings import NetworkSettings
 from snnav_ros.convert import nanoseconds_from_stamp, scan_from_message, seconds
 from snnav_sim.configure import fusion_settings, planar_sensor
 from snnav_sim.devices.recorded import Recorded
 from snnav_sim.scene import Polygon, Scene, SensorScene
 
 __all__ = [
-    "NetworkSettings",
     "PosedScan",
     "SensorNetwork",
     "build_network",
@@ -52,34 +52,6 @@ class PosedScan:
     stamp_ns: int
     pose: Pose2D
     scan: PlanarScan
-
-
-@dataclass(frozen=True, slots=True)
-class NetworkSettings:
-    """Values of the scene that a network becomes; lengths in m, times in s, angles in rad.
-
-    Parameters
-    ----------
-    range_cut : float
-        Longer readings are free only up to this range.
-    speed, max_turn_rate, radius : float
-        Of every robot.
-    safety_margin, sampling_interval, control_period : float
-    time_window : int
-        In sampling intervals.
-    seed : int
-        Of starts, targets and the run.
-    """
-
-    range_cut: float = 20.0
-    speed: float = 0.5
-    max_turn_rate: float = 1.5
-    radius: float = 0.3
-    safety_margin: float = 0.4
-    sampling_interval: float = 0.5
-    control_period: float = 0.05
-    time_window: int = 4
-    seed: int = 1
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from snnav_core.types import FloatArray
 from snnav_ros.bag.errors import NetworkError
-from snnav_ros.bag.network import NetworkSettings
+from snnav_ros.bag.settings import NetworkSettings
 from snnav_sim.scene import RobotScene
 
 __all__ = ["LEAST_ROUTE", "Route", "pick_routes", "robots_on_routes"]

@@ -16,8 +16,8 @@ import pytest
 from snnav_core.errors import SnnavError
 from snnav_ros.bag.commands import add_parser
 from snnav_ros.bag.errors import LogError
-from snnav_ros.bag.evaluation import EvaluationSettings, evaluate, name_of
-from snnav_ros.bag.network import NetworkSettings
+from snnav_ros.bag.evaluation import evaluate, name_of
+from snnav_ros.bag.settings import EvaluationSettings, NetworkSettings
 from snnav_sim.scene import load_scene
 
 WIDTH, HEIGHT = 24.0, 9.0

@@ -19,8 +19,9 @@ from snnav_ros.bag.carmen import read_carmen
 from snnav_ros.bag.carmen_import import write_carmen_bag
 from snnav_ros.bag.errors import BagError, NetworkError
 from snnav_ros.bag.messages import laser_scan, pose_stamped
-from snnav_ros.bag.network import NetworkSettings, PosedScan, build_network, choose_evenly, read_posed_scans
+from snnav_ros.bag.network import PosedScan, build_network, choose_evenly, read_posed_scans
 from snnav_ros.bag.routes import LEAST_ROUTE, pick_routes, robots_on_routes
+from snnav_ros.bag.settings import NetworkSettings
 from snnav_ros.bag.writer import BagWriter
 from snnav_sim.scene import dump_scene, parse_scene
 
