@@ -64,7 +64,7 @@ def test_there_is_something_to_check() -> None:
 
 @pytest.mark.parametrize("text", named(scenes()))
 def test_scene_examples_are_scenes(text: str) -> None:
-    assert parse_scene(text, "example").robots
+    assert parse_scene(text, "example").sensors
 
 
 def test_scene_of_the_readme_runs_to_the_target() -> None:
