@@ -10,7 +10,7 @@ help: ## say what there is
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST)
 
 demo: ## three robots cross a factory hall among walking people (figures in runs/)
-	@$(VENV) snnav run factory --out runs/demo-$$(date +%Y%m%d-%H%M%S)
+	@$(VENV) snnav run factory
 
 test: ## run all tests (HYPOTHESIS_PROFILE=nightly: ten times the examples)
 	@$(VENV) python -m pytest $(PYTEST_ARGS)
