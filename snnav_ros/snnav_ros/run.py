@@ -6,20 +6,19 @@ import importlib
 import os
 import signal
 import sys
-from collections.abc import Sequence
-from itertools import pairwise
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from snnav_core.errors import SnnavError
 from snnav_ros.available import make_executor, require_ros
+from snnav_ros.parameter_files import ParameterFileError, check_parameter_files, parameter_files
 
-__all__ = ["PARENT_VARIABLE", "run_node", "spin"]
+__all__ = ["PARENT_VARIABLE", "run_node"]
 
 PARENT_VARIABLE = "SNNAV_PARENT"
 """Environment variable with the process that started this one; when that is gone, the node ends."""
 
-_LONGEST_WAIT = 0.5  # [s]
+_LONGEST_WAIT = 0.2  # [s]
 
 
 def run_node(module: str, name: str, args: Sequence[str] | None = None) -> int:
@@ -37,28 +36,39 @@ def run_node(module: str, name: str, args: Sequence[str] | None = None) -> int:
     int
         Exit status: 0 after a signal, 2 after a mistake of the user (one line on stderr).
     """
-    signal.signal(signal.SIGTERM, _raise_interrupt)
+    signal.signal(signal.SIGINT, _raise)
+    signal.signal(signal.SIGTERM, _raise)
+    arguments = sys.argv if args is None else ["", *args]
     try:
-        return _run(module, name, sys.argv if args is None else ["", *args])
-    except KeyboardInterrupt:
+        check_parameter_files(arguments)
+        return _run(module, name, arguments)
+    except _ToldToEnd:
         return 0
+    except ParameterFileError as error:
+        print(error, file=sys.stderr)
     except SnnavError as error:
-        print(f"{error}{_files(sys.argv if args is None else args)}", file=sys.stderr)
-        return 2
+        files = ", ".join(map(str, parameter_files(arguments)))
+        print(f"{error}{f' (parameter file {files})' if files else ''}", file=sys.stderr)
+    return 2
 
 
-def _raise_interrupt(*_: Any) -> None:
-    raise KeyboardInterrupt
+class _ToldToEnd(BaseException):
+    """A signal during the start. (After a KeyboardInterrupt, CPython may exit with 130 although it was caught.)"""
+
+
+def _raise(*_: Any) -> None:
+    raise _ToldToEnd
 
 
 def _run(module: str, name: str, arguments: Sequence[str]) -> int:
     require_ros(name)
     import rclpy
-    from rclpy.executors import ExternalShutdownException
+    from rclpy.signals import SignalHandlerOptions
 
     node_class = getattr(importlib.import_module(module), name)
+    told = _told_to_end()
     try:
-        rclpy.init(args=list(arguments))
+        rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # rcl reports bad arguments and parameter files by several types
         raise SnnavError(_first_line(error)) from None
     node = executor = None
@@ -66,9 +76,7 @@ def _run(module: str, name: str, arguments: Sequence[str]) -> int:
         node = node_class()
         executor = make_executor()
         executor.add_node(node)
-        spin(executor)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
+        _spin(executor, told)
     finally:
         if executor is not None:
             executor.shutdown()
@@ -78,21 +86,32 @@ def _run(module: str, name: str, arguments: Sequence[str]) -> int:
     return 0
 
 
-def spin(executor: Any) -> None:
-    """Work until ROS is shut down or the parent is gone (`spin` of the events executor would not return)."""
+def _told_to_end() -> Callable[[], bool]:
+    """Note signals from now on; what is being done is done to its end, nothing fails half-way with an exception."""
+    told = False
+
+    def note(*_: Any) -> None:
+        nonlocal told
+        told = True
+
+    signal.signal(signal.SIGINT, note)
+    signal.signal(signal.SIGTERM, note)
+    parent = int(os.environ.get(PARENT_VARIABLE, "0"))
+    return lambda: told or parent not in (0, os.getppid())
+
+
+def _spin(executor: Any, told: Callable[[], bool]) -> None:
+    """Work until told to end or ROS is shut down (`spin` of the events executor would not return)."""
+    from rclpy.executors import ExternalShutdownException
     from rclpy.utilities import ok
 
-    parent = int(os.environ.get(PARENT_VARIABLE, "0"))
-    while ok() and parent in (0, os.getppid()):
-        executor.spin_once(timeout_sec=_LONGEST_WAIT)
+    try:
+        while ok() and not told():
+            executor.spin_once(timeout_sec=_LONGEST_WAIT)
+    except ExternalShutdownException:
+        return
 
 
 def _first_line(error: Exception) -> str:
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return lines[0] if lines else type(error).__name__
-
-
-def _files(arguments: Sequence[str]) -> str:
-    """Return the parameter files among the arguments, for a message."""
-    files = [str(Path(value)) for key, value in pairwise(arguments) if key == "--params-file"]
-    return f" (parameter file {', '.join(files)})" if files else ""
