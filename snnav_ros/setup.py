@@ -23,7 +23,10 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        *[(f"share/{PACKAGE}/{folder}", sorted(map(str, Path(folder).glob("*.*")))) for folder in SHARED_FOLDERS],
+        *[
+            (f"share/{PACKAGE}/{folder}", sorted(map(str, Path(folder).glob("*.*"))))
+            for folder in SHARED_FOLDERS
+        ],
     ],
     install_requires=["setuptools", "snnav_core", "snnav_sim", "numpy>=1.26", "PyYAML>=6", "rosbags", "rich"],
     extras_require={"test": ["pytest", "pytest-timeout", "hypothesis"]},

@@ -18,5 +18,12 @@ def test_manifest_metadata_and_module_agree_on_the_version() -> None:
 
 def test_every_executable_loads() -> None:
     scripts = {entry.name: entry for entry in distribution("snnav_ros").entry_points}
-    assert {"snnav", "lms200_node", "fusion_node", "planner_node", "robot_node", "clock_node"} == scripts.keys()
+    assert {
+        "snnav",
+        "lms200_node",
+        "fusion_node",
+        "planner_node",
+        "robot_node",
+        "clock_node",
+    } == scripts.keys()
     assert all(callable(entry.load()) for entry in scripts.values())
