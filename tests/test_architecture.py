@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,9 @@ THIRD_PARTY = {
     "snnav_core": {"numpy", "scipy", "shapely", "numba"},
     "snnav_sim": {"numpy", "scipy", "shapely", "numba", "yaml", "matplotlib", "rich"},
 }
+
+ROSDEP_KEYS = {"tf2_ros": "tf2_ros_py"}
+WITHOUT_ROSDEP_KEY = {"rosbags", "rosidl_parser"}  # from requirements.txt, and what rclpy brings along
 
 LONGEST_MODULE = 400
 LONGEST_FUNCTION = 60
@@ -92,6 +96,20 @@ def test_imports_only_what_its_package_may_use(name: str) -> None:
     allowed = THIRD_PARTY[package] | sys.stdlib_module_names | {"snnav_core", package}
     foreign = {other.partition(".")[0] for other in imported(name)} - allowed
     assert not foreign, f"{name} imports {sorted(foreign)}"
+
+
+@pytest.mark.parametrize("package", ["snnav_core", "snnav_sim", "snnav_ros"])
+def test_the_manifest_declares_what_is_imported(package: str) -> None:
+    manifest = ElementTree.parse(ROOT / package / "package.xml").getroot()
+    declared = {str(element.text).removeprefix("python3-") for element in manifest.iter("exec_depend")}
+    names = {
+        other.partition(".")[0]
+        for name in MODULES
+        if name.split(".")[0] == package
+        for other in imported(name)
+    }
+    keys = {ROSDEP_KEYS.get(name, name) for name in names - sys.stdlib_module_names - {package}}
+    assert keys - WITHOUT_ROSDEP_KEY <= declared
 
 
 def test_drawing_stays_in_the_report() -> None:
