@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -17,6 +18,7 @@ from snnav_ros.bag.writer import BagWriter
 from snnav_ros.domain import free_domain
 from snnav_ros.processes import ChildProcesses
 from snnav_ros.recorder import RunCollector, RunProgress
+from snnav_ros.signals import noted_signals
 from snnav_sim.report.record import RunRecord
 from snnav_sim.scene import Scene, dump_scene
 
@@ -105,12 +107,15 @@ def run_scene(
         If there is no rclpy.
     BringupError
         If a process of a node ended before the run did.
+    KeyboardInterrupt
+        After SIGINT or SIGTERM, once the present callback is through.
     """
     require_ros("running a scene through the nodes")
     record = RunRecord(scene.seed if seed is None else seed)
     record.versions |= {"rclpy": version("rclpy"), "rmw": _middleware()}
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     with ExitStack() as stack:
+        told = stack.enter_context(noted_signals())
         domain = stack.enter_context(free_domain())
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="snnav-")))
         scene_file = folder / "scene.yaml"
@@ -127,7 +132,7 @@ def run_scene(
         context = stack.enter_context(_ros(domain))
         executor = stack.enter_context(_executor(context))
         _add_nodes(stack, executor, context, scene, plans, collector, lockstep=not realtime)
-        _spin(executor, collector, children)
+        _spin(executor, collector, children, told)
         collector.close()
     return record
 
@@ -191,12 +196,14 @@ def _add_nodes(
         add(node_class(NodeOptions(plan.name, plan.parameters, context, lean=True)))
 
 
-def _spin(executor: Any, collector: RunCollector, children: ChildProcesses | None) -> None:
-    import time
-
+def _spin(
+    executor: Any, collector: RunCollector, children: ChildProcesses | None, told: Callable[[], bool]
+) -> None:
     look = time.monotonic()
     while not collector.finished:
         executor.spin_once(timeout_sec=_WAIT)
+        if told():
+            raise KeyboardInterrupt
         if children is not None and time.monotonic() - look > _WAIT:
             look = time.monotonic()
             ended = children.ended()

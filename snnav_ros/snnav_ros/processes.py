@@ -18,7 +18,7 @@ from snnav_ros.run import PARENT_VARIABLE
 
 __all__ = ["ChildProcesses"]
 
-_PATIENCE = 2.0  # [s] that a process has after SIGTERM
+_PATIENCE = 5.0  # [s] that a process has after SIGTERM; many end at the same time
 
 
 class ChildProcesses:

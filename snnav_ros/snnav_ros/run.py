@@ -7,11 +7,13 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from typing import Any
 
 from snnav_core.errors import SnnavError
 from snnav_ros.available import make_executor, require_ros
 from snnav_ros.parameter_files import ParameterFileError, check_parameter_files, parameter_files
+from snnav_ros.signals import noted_signals
 
 __all__ = ["PARENT_VARIABLE", "run_node"]
 
@@ -53,7 +55,7 @@ def run_node(module: str, name: str, args: Sequence[str] | None = None) -> int:
 
 
 class _ToldToEnd(BaseException):
-    """A signal during the start. (After a KeyboardInterrupt, CPython may exit with 130 although it was caught.)"""
+    """A signal during the start; not KeyboardInterrupt, for CPython may exit with 130 after one that was caught."""
 
 
 def _raise(*_: Any) -> None:
@@ -66,38 +68,20 @@ def _run(module: str, name: str, arguments: Sequence[str]) -> int:
     from rclpy.signals import SignalHandlerOptions
 
     node_class = getattr(importlib.import_module(module), name)
-    told = _told_to_end()
-    try:
-        rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:  # rcl reports bad arguments and parameter files by several types
-        raise SnnavError(_first_line(error)) from None
-    node = executor = None
-    try:
+    with ExitStack() as stack:
+        told = stack.enter_context(noted_signals())
+        try:
+            rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
+        except Exception as error:  # rcl reports bad arguments and parameter files by several types
+            raise SnnavError(_first_line(error)) from None
+        stack.callback(rclpy.try_shutdown)
         node = node_class()
+        stack.callback(node.destroy_node)
         executor = make_executor()
+        stack.callback(executor.shutdown)
         executor.add_node(node)
         _spin(executor, told)
-    finally:
-        if executor is not None:
-            executor.shutdown()
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
     return 0
-
-
-def _told_to_end() -> Callable[[], bool]:
-    """Note signals from now on; what is being done is done to its end, nothing fails half-way with an exception."""
-    told = False
-
-    def note(*_: Any) -> None:
-        nonlocal told
-        told = True
-
-    signal.signal(signal.SIGINT, note)
-    signal.signal(signal.SIGTERM, note)
-    parent = int(os.environ.get(PARENT_VARIABLE, "0"))
-    return lambda: told or parent not in (0, os.getppid())
 
 
 def _spin(executor: Any, told: Callable[[], bool]) -> None:
@@ -105,8 +89,9 @@ def _spin(executor: Any, told: Callable[[], bool]) -> None:
     from rclpy.executors import ExternalShutdownException
     from rclpy.utilities import ok
 
+    parent = int(os.environ.get(PARENT_VARIABLE, "0"))
     try:
-        while ok() and not told():
+        while ok() and not told() and parent in (0, os.getppid()):
             executor.spin_once(timeout_sec=_LONGEST_WAIT)
     except ExternalShutdownException:
         return
