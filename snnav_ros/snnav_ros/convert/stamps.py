@@ -1,7 +1,7 @@
 """Times: nanoseconds in messages, seconds in the core.
 
 Seconds are the float nearest to the nanoseconds. So every stamp gives the same float on every side, and going to
-seconds and back loses nothing up to 2^53 ns (104 days); beyond, floats are coarser than a nanosecond, and going from
+seconds and back loses nothing up to 2^23 s (97 days); beyond, floats are coarser than a nanosecond, and going from
 seconds to nanoseconds and back loses nothing.
 """
 
