@@ -9,6 +9,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from snnav_core.sensing.corners import continue_surfaces
 from snnav_core.types import FloatArray, Pose2D
 
 __all__ = ["BeamFan", "shorten_fan", "star_rings"]
@@ -62,18 +63,21 @@ class BeamFan:
         return np.asarray(np.abs(near - far) > limit)
 
 
-def star_rings(fan: BeamFan, pose: Pose2D) -> tuple[FloatArray, ...]:
+def star_rings(fan: BeamFan, pose: Pose2D, corners: bool = True) -> tuple[FloatArray, ...]:
     """Return the outlines of the region that neighbouring beams enclose.
 
     Between two neighbouring beams lies a wedge. Where their free lengths a and b differ by more than
     ``jump_ratio * min(a, b) * |angle_increment| + jump_distance`` the wedge ends at the shorter one, else at
-    the chord between both. A wedge beside a beam of free length 0 is not seen at all.
+    the chord between both; surfaces that go on between the beams cap it (`continue_surfaces`). A wedge beside a beam of
+    free length 0 is not seen at all.
 
     Parameters
     ----------
     fan : BeamFan
     pose : Pose2D
         Pose of the sensor [map].
+    corners : bool
+        Whether surfaces are continued between the beams; without, chords only.
 
     Returns
     -------
@@ -97,9 +101,14 @@ def star_rings(fan: BeamFan, pose: Pose2D) -> tuple[FloatArray, ...]:
         directions = np.vstack((directions, directions[:1]))
     near, far = free[:-1], free[1:]
     shorter = np.minimum(near, far)
-    jump = fan.is_jump(near, far) | fan.is_jump(measured[:-1], measured[1:])
+    jump_measured = fan.is_jump(measured[:-1], measured[1:])
+    jump = fan.is_jump(near, far) | jump_measured
     lengths = np.column_stack((np.where(jump, shorter, near), np.where(jump, shorter, far)))
-    return _collect(lengths, directions, shorter > 0.0, pose.position, closed)
+    middle, found = np.zeros((len(jump), 2)), np.zeros(len(jump), dtype=np.bool_)
+    if corners:
+        lengths, middle, found = continue_surfaces(lengths, measured, directions, jump_measured, closed)
+    outline = np.stack((lengths[:, :1] * directions[:-1], middle, lengths[:, 1:] * directions[1:]), axis=1)
+    return _collect(outline, found, shorter > 0.0, pose.position, closed)
 
 
 def _fold_overlap(free: FloatArray, increment: float) -> FloatArray:
@@ -121,21 +130,23 @@ def _fold_overlap(free: FloatArray, increment: float) -> FloatArray:
 
 
 def _collect(
-    lengths: FloatArray, directions: FloatArray, seen: NDArray[np.bool_], origin: FloatArray, closed: bool
+    outline: FloatArray,
+    has_corner: NDArray[np.bool_],
+    seen: NDArray[np.bool_],
+    origin: FloatArray,
+    closed: bool,
 ) -> tuple[FloatArray, ...]:
-    """Join runs of seen wedges; `lengths` (W, 2) along the two beams of each wedge, `directions` (W + 1, 2)."""
-    starts, ends = directions[:-1], directions[1:]
+    """Join runs of seen wedges; `outline` (W, 3, 2) holds first end, corner and second end of each from the sensor."""
     whole_circle = closed and bool(seen.all())
     if closed and not whole_circle:
         shift = -int(np.argmin(seen))
-        lengths, seen = np.roll(lengths, shift, axis=0), np.roll(seen, shift)
-        starts, ends = np.roll(starts, shift, axis=0), np.roll(ends, shift, axis=0)
-    points = origin + lengths[:, :, None] * np.stack((starts, ends), axis=1)
+        outline, seen = np.roll(outline, shift, axis=0), np.roll(seen, shift)
+        has_corner = np.roll(has_corner, shift)
     # the first point of a wedge repeats the last one of the wedge before it unless there is a jump
-    keep = np.ones(lengths.shape, dtype=np.bool_)
-    keep[1:, 0] = lengths[1:, 0] != lengths[:-1, 1]
+    differs = np.any(outline[:, 0] != np.roll(outline[:, 2], 1, axis=0), axis=1)
+    keep = np.column_stack((differs, has_corner, np.ones(len(seen), dtype=np.bool_)))
+    points = origin + outline
     if whole_circle:
-        keep[0, 0] = lengths[0, 0] != lengths[-1, 1]
         return (points[keep],)
     edges = np.flatnonzero(np.diff(seen, prepend=False, append=False))
     keep[edges[0::2], 0] = True
@@ -200,7 +211,8 @@ def _shorten(free, increment, jump_ratio, jump_distance, distance, bearing, dept
         shorter = min(near, far)
         if shorter <= 0.0:
             continue
-        if abs(near - far) > jump_ratio * shorter * increment + jump_distance:
+        jumps = abs(near - far) > jump_ratio * shorter * increment + jump_distance
+        if jumps:
             near = far = shorter
         angle = (place - k) * increment
         outline = (
@@ -212,6 +224,9 @@ def _shorten(free, increment, jump_ratio, jump_distance, distance, bearing, dept
         # Sine of the angle between the ray and the chord from beam to beam.
         chord = math.sqrt(near * near + far * far - 2.0 * near * far * math.cos(increment))
         slant = near * far * math.sin(increment) / max(chord * outline, 1e-12)
+        if jumps:
+            # Most range jumps are walls seen at a grazing angle: the slant of the steepest surface.
+            slant = 1.0 / math.sqrt(1.0 + jump_ratio * jump_ratio)
         inside[i] = passed * min(slant, 1.0)
         if passed <= depth:
             result[k] = min(result[k], distance[i])
