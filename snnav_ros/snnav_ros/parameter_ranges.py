@@ -20,6 +20,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "scan_period": _DURATION,
     "max_scan_age": _DURATION,
     "max_area_age": _DURATION,
+    "max_odometry_age": _DURATION,
     # speeds [m/s], [rad/s]
     "boundary_speed": (0.0, 50.0),
     "speed": (1e-3, 50.0),
@@ -35,6 +36,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "saturation": _LENGTH,
     "return_tolerance": _DISTANCE,
     "contradiction_depth": _DISTANCE,
+    "shorten_depth": _DISTANCE,
     "tracking_tolerance": _DISTANCE,
     "planning_reserve": _DISTANCE,
     "simplification": _DISTANCE,
@@ -49,6 +51,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "warm_passes": _COUNT,
     "seed": (0, 2**53),
     # others
+    "least_part": (0.0, 1000.0),
     "turn_radius_factor": (1.0, 100.0),
     "circle_radius_factor": (1.0, 100.0),
     "switch_gain": _SHARE,
