@@ -65,7 +65,7 @@ class FusionSettings:
     boundary_speed: float = 0.0
     memory: bool = True
     max_scan_age: float = 1.0
-    return_tolerance: float = 0.003
+    return_tolerance: float = 0.001
     return_radius: float = 0.01
     shorten_depth: float = 0.1
     simplification: float = 0.003

@@ -26,7 +26,7 @@ __all__ = [
     "shrink",
 ]
 
-_QUAD_SEGMENTS = 8
+_QUAD_SEGMENTS = 16
 # A polygonal arc of a buffer lies inside the true circle; enlarging the distance puts it outside. GEOS rounds the
 # number of chords of a partial arc, so that one chord may span up to 1.5 times a quarter circle / _QUAD_SEGMENTS.
 _ARC_FACTOR = 1.0 / math.cos(1.5 * math.pi / (4 * _QUAD_SEGMENTS))

@@ -60,17 +60,17 @@ def find_route(
     at_target = context.clearance(target)
     top = max(float(distances.demanded()[-1]), distances.turn_radius)
     for level in _LEVELS:
-        distance = distances.least + level * (top - distances.least)
+        distance = distances.tightest + level * (top - distances.tightest)
         if distance > at_target:
             continue
         curves = context.curves(distance, disks, target)
         if curves is None:
             continue
         inside = curves.covers(start)
-        if inside or _can_climb(context, curves, start, present, distance, distances.least):
+        if inside or _can_climb(context, curves, start, present, distance, distances.tightest):
             return Route(curves, distance, target, inside)
     raise GoalUnreachable(
-        f"robot {robot.id}: no way at {distances.least:.2f} m from the boundary leads from "
+        f"robot {robot.id}: no way at {distances.tightest:.3f} m from the boundary leads from "
         f"({start[0]:.2f}, {start[1]:.2f}) to ({goal[0]:.2f}, {goal[1]:.2f}); widen what the sensors see or reduce "
         f"the safety margin ({settings.safety_margin:.2f} m)"
     )
@@ -86,13 +86,13 @@ def _reachable_target(
 ) -> FloatArray:
     """The goal itself, or the nearest point that can be planned for when that still counts as arrived."""
     clearance = context.clearance(goal)
-    if clearance >= distances.least and context.curves(distances.least, disks, goal) is not None:
+    if clearance >= distances.tightest and context.curves(distances.tightest, disks, goal) is not None:
         return goal
-    nearest = context.nearest_inside(goal, distances.least, disks)
+    nearest = context.nearest_inside(goal, distances.tightest, disks)
     if nearest is None or float(np.linalg.norm(nearest - goal)) > 0.8 * distances.arrival:
         raise GoalBlocked(
             f"target ({goal[0]:.2f}, {goal[1]:.2f}) of robot {robot.id} has {clearance:.2f} m to the boundary of the "
-            f"unoccupied area, needs {distances.least:.2f} m (safety margin {settings.safety_margin:.2f} m); move the "
+            f"unoccupied area, needs {distances.tightest:.3f} m (safety margin {settings.safety_margin:.2f} m); move the "
             "target or let a sensor see its surroundings"
         )
     return nearest

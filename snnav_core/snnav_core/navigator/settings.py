@@ -30,8 +30,8 @@ class NavigatorSettings:
     boundary_speed : float
         V_max: no boundary of the unoccupied area moves faster [m/s].
     tracking_tolerance : float or None
-        How far a robot may be off its path [m]; the certificate demands it beyond the margin. None for 1.25 % of R_min,
-        at least 4 mm: the practical tracking law stays within that.
+        How far a robot may be off its path [m]; the certificate demands it beyond the margin. None for 1 % of R_min, at
+        least 3 mm: the practical tracking law stays within that.
     planning_reserve : float
         What the planner keeps beyond what the certificate demands [m].
     turn_radius_factor : float
@@ -49,7 +49,8 @@ class NavigatorSettings:
     arrival_distance : float or None
         Distance to the target that counts as arrived [m]; None for a quarter of L, at least 0.1 m, at most L.
     path_spacing : float or None
-        Largest distance between path points [m]; None for min(L, R_min / 2, d_s / 2) (C0-10).
+        Largest distance between path points [m]; None for min(L, R_min / 2, d_s / 2) (C0-10), and so small that the
+        chord between two points on a circle of radius d_s dips by at most half the tracking tolerance.
     """
 
     sampling_interval: float
@@ -57,7 +58,7 @@ class NavigatorSettings:
     time_window: int = 4
     boundary_speed: float = 0.0
     tracking_tolerance: float | None = None
-    planning_reserve: float = 0.004
+    planning_reserve: float = 0.002
     turn_radius_factor: float = 1.1
     circle_radius_factor: float = 1.05
     simplification: float = 0.02
@@ -113,7 +114,7 @@ class RobotDistances:
                 f"safety_margin {settings.safety_margin} m is below the radius {robot.radius} m of robot {robot.id}"
             )
         self._settings = settings
-        derived = max(0.004, 0.0125 * robot.min_turn_radius)
+        derived = max(0.003, 0.01 * robot.min_turn_radius)
         self.tolerance = derived if settings.tracking_tolerance is None else settings.tracking_tolerance
         self.certificate = CertificateSettings(
             safety_margin=settings.safety_margin,
@@ -123,7 +124,10 @@ class RobotDistances:
             tracking_tolerance=self.tolerance,
         )
         self.stride = robot.speed * settings.sampling_interval
-        widest = settings.path_spacing or min(0.5 * robot.min_turn_radius, 0.5 * settings.safety_margin)
+        shallow = math.sqrt(4.0 * settings.safety_margin * self.tolerance)
+        widest = settings.path_spacing or min(
+            0.5 * robot.min_turn_radius, 0.5 * settings.safety_margin, max(shallow, 0.02)
+        )
         self.parts = max(1, math.ceil(self.stride / widest - 1e-9))
         self.link = self.stride / self.parts
         self.step = settings.sampling_interval / self.parts
@@ -143,6 +147,11 @@ class RobotDistances:
         tolerance = self.tolerance + self.reserve
         distance = settings.safety_margin + times * settings.boundary_speed + tolerance
         return np.asarray(np.sqrt(distance**2 + 0.25 * self.link**2))
+
+    @property
+    def tightest(self) -> float:
+        """Distance below which no path is accepted: ways to the target are sought from here on [m]."""
+        return self._settings.safety_margin + self.tolerance
 
     @property
     def least(self) -> float:

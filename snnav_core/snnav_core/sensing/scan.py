@@ -112,7 +112,7 @@ class ScanSettings:
         Two neighbouring beams belong to one surface while their lengths differ by at most
         ``jump_ratio * shorter * |angle_increment| + jump_distance`` [-], [m].
     range_cut : float or None
-        A reading beyond it counts as free up to it and as no return [m].
+        A reading beyond it counts as free up to it only [m]; the surface it measured is an obstacle all the same.
     expected_beams : int or None
         Number of beams that every scan must have.
 
@@ -247,7 +247,7 @@ def detect_planar(
     free = _free_lengths(scan, classes, settings)
     fan = BeamFan(free, scan.angle_min, scan.angle_increment, settings.jump_ratio, settings.jump_distance)
     rings = star_rings(fan, pose)
-    beam = np.flatnonzero(classes == _RETURNED)
+    beam = np.flatnonzero(classes <= _CUT)
     angles = pose.heading + scan.angles[beam]
     returns = pose.position + scan.ranges[beam, None] * np.column_stack((np.cos(angles), np.sin(angles)))
     counts = BeamCounts(*np.bincount(classes, minlength=9).tolist())

@@ -223,12 +223,12 @@ def test_infinity_is_free_up_to_the_maximum_only_where_told_so() -> None:
     assert_allclose(np.linalg.norm(area.rings[0], axis=1), RANGE_MAX - 0.5)
 
 
-def test_a_cut_makes_far_readings_free_up_to_it_and_no_return() -> None:
+def test_a_cut_makes_far_readings_free_up_to_it_but_their_surfaces_stay_obstacles() -> None:
     ranges = np.array([3.0, 8.0, 8.01, 29.0, 4.0, 31.0, math.inf, 5.0])
     area = detect(full_circle(ranges), ScanSettings(range_cut=8.0, inf_is_free=True))
     assert (area.counts.returned, area.counts.cut, area.counts.infinite_free) == (4, 2, 1)
     assert area.counts.beyond_max == 1, "beyond range_max stays unknown"
-    assert area.return_beam.tolist() == [0, 1, 4, 7]
+    assert area.return_beam.tolist() == [0, 1, 2, 3, 4, 7]
     assert np.linalg.norm(shapely.get_coordinates(area.polygon), axis=1).max() <= 8.0 + 1e-12
 
 
