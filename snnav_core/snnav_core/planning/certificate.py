@@ -152,7 +152,7 @@ def certify(
     Notes
     -----
     Deviations: segments instead of points (C0-7). When the robot itself stands closer than d_s (C3-13), the demand is
-    lowered to its present distance: the path must lead away, never closer.
+    lowered to its present distance: the path must lead away, never closer, and what it has gained it keeps.
     """
     check = _Check(path, robot, pose, boundary, others, settings)
     radius = check.least_radius()
@@ -165,7 +165,7 @@ def certify(
     if not reason and window < least_window:
         reason = clearance_fault if clearance_until <= separation_until else separation_fault
     if not reason:
-        reason = check.tail_fault()
+        reason = check.tail_fault(window * settings.sampling_interval)
     return Certificate(
         robot_id=robot.id,
         accepted=not reason,
@@ -239,7 +239,7 @@ class _Check:
     def geometry_fault(self, least_radius: float) -> str:
         """Reason why the shape of the path cannot be driven, or an empty string."""
         offset = float(np.linalg.norm(self.points[0] - self.pose.position))
-        if offset > 1e-6:
+        if not offset <= 1e-6:
             return f"the path starts {offset:.3f} m away from the robot"
         if self.path.turn_to is not None:
             moved = float(np.abs(self.points - self.points[0]).max())
@@ -271,7 +271,7 @@ class _Check:
         # A path of one short link ends before its direction matters.
         reach = length if len(self.path) > 2 else max(length, self.robot.speed * self.path.step)
         limit = math.asin(min(1.0, reach / (2.0 * radius)))
-        if angle > limit + 1e-6:
+        if not angle <= limit + 1e-6:
             off, allowed = math.degrees(angle), math.degrees(limit)
             return f"the path starts {off:.1f} deg off the heading, allowed {allowed:.1f} deg"
         return ""
@@ -291,11 +291,18 @@ class _Check:
         demanded = settings.safety_margin + settings.boundary_speed * capped + tolerance
         present = self._present()
         if present < settings.safety_margin:
-            demanded = np.minimum(demanded, present)
+            reached = np.maximum.accumulate(self.distances >= demanded)
+            demanded = np.where(reached, demanded, np.minimum(demanded, self._least()))
         # The first piece starts at the robot itself, which no path can change.
         first = settings.boundary_speed * self.times[0] + tolerance[0]
         demanded[0] = min(demanded[0], max(settings.safety_margin, present - first))
         return demanded
+
+    def _least(self) -> FloatArray:
+        """What every piece keeps whatever the boundary does [m]: d_s, or less for a robot that comes from nearer."""
+        margin = self.settings.safety_margin
+        reached = np.maximum.accumulate(self.distances) >= margin
+        return np.where(reached, margin, min(margin, self._present()))
 
     def _present(self) -> float:
         return float(self.boundary.distances(np.stack((self.points[0], self.points[0]))[None])[0])
@@ -319,18 +326,16 @@ class _Check:
         )
         return self.path.start_time + before, least, fault
 
-    def tail_fault(self) -> str:
-        """Whether the path beyond the window, which is not proved, at least keeps d_s from what is known now."""
-        tail = self.times > self.window_end - self.path.start_time + 1e-9
-        if not tail.any():
+    def tail_fault(self, window: float) -> str:
+        """Whether the path beyond the proved window [s] at least keeps d_s from what is known now."""
+        deficit = np.where(self.times > window + 1e-9, self._least() - self.distances, -math.inf)
+        worst = int(np.argmax(deficit)) if len(deficit) else -1
+        if worst < 0 or deficit[worst] <= 1e-9:
             return ""
-        limit = min(self.settings.safety_margin, self._present())
-        worst = float(self.distances[tail].min())
-        if worst < limit - 1e-9:
-            return (
-                f"beyond the window the path comes within {worst:.3f} m of the boundary, margin {limit:.3f} m"
-            )
-        return ""
+        return (
+            f"beyond the window the path comes within {self.distances[worst]:.3f} m of the boundary, "
+            f"margin {self.distances[worst] + deficit[worst]:.3f} m"
+        )
 
     def separation(self) -> tuple[float, float, str]:
         """Until when the margin to other robots holds [s], the least distance to their disks [m], what fails then."""
