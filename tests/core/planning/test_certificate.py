@@ -110,7 +110,6 @@ def test_the_window_is_shortened_to_whole_intervals_where_the_margin_holds(speed
     certificate = check(straight(), corridor, boundary_speed=speed, least_window=1)
     assert certificate.accepted
     assert certificate.valid_until == START + window
-    assert (1.0 + speed * window <= 2.0) and (window == 4 or 1.01 + speed * (window + 1) > 2.0)
     assert check(straight(), corridor, boundary_speed=speed, least_window=window).accepted
     assert (
         not check(straight(), corridor, boundary_speed=speed, least_window=window + 1).accepted or window == 4
@@ -202,7 +201,7 @@ def test_a_robot_too_near_the_boundary_may_only_be_led_away() -> None:
     assert refused(check(away * (1.0, -1.0), near), "clearance")
     # Back to another wall as near as the first one was.
     both = hall_without(shapely.box(-5.0, -10.0, 0.3, -0.6), box_at(3.0, 0.9))
-    assert refused(check(straight(), both, least_window=1), "clearance")
+    assert refused(check(straight(), both), "clearance")
     later = hall_without(shapely.box(-5.0, -10.0, 0.3, -0.6), box_at(8.0, 0.9))
     assert refused(check(straight(), later, least_window=1), "beyond the window")
 
@@ -375,9 +374,7 @@ def test_an_accepted_path_moved_nearer_by_more_than_its_reserve_is_refused(
 def test_the_separation_is_that_of_dense_sampling(seed: int, links: int) -> None:
     generator = np.random.default_rng(seed)
     points = random_path(generator, 12)
-    way = (
-        generator.normal(0.0, 2.0, 2) + (2.0, 0.0) + np.cumsum(generator.normal(0.0, 0.5, (links, 2)), axis=0)
-    )
+    way = generator.normal((2.0, 0.0), 2.0) + np.cumsum(generator.normal(0.0, 0.5, (links, 2)), axis=0)
     robot = other(
         way, step=float(generator.uniform(0.1, 1.0)), start=START - float(generator.uniform(0.0, 2.0))
     )
@@ -395,17 +392,9 @@ def test_the_separation_is_that_of_dense_sampling(seed: int, links: int) -> None
 
 def test_the_distance_of_segments_is_exact_and_zero_outside() -> None:
     region = hall_without(box_at(3.0, 3.0))
-    segments = np.array(
-        [
-            [[0, 0], [1, 0]],
-            [[3, 0], [3, 2]],
-            [[2, 3], [4, 3]],
-            [[50, 0], [51, 0]],
-            [[1, 1], [1, 1]],
-            [[3, 3], [3, 3.1]],
-        ],
-        dtype=np.float64,
-    )
+    starts = np.array([[0, 0], [3, 0], [2, 3], [50, 0], [1, 1], [3, 3]], dtype=np.float64)
+    ends = np.array([[1, 0], [3, 2], [4, 3], [51, 0], [1, 1], [3, 3.1]], dtype=np.float64)
+    segments = np.stack((starts, ends), axis=1)
     expected = shapely.distance(shapely.linestrings(segments), region.boundary)
     expected[[3, 5]] = 0.0
     np.testing.assert_allclose(BoundaryIndex(region).distances(segments), expected, atol=1e-8)
