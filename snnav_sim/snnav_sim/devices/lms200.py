@@ -41,7 +41,7 @@ class Lms200:
         self._world, self._seed = world, seed
         self._angle_min = float(np.float32(sensor.angle_min))
         self._increment = float(np.float32(sensor.resolution))
-        self._range_max = float(down(sensor.range_max))
+        self._range_min, self._range_max = float(up(sensor.range_min)), float(down(sensor.range_max))
         self._noise = Lms200Noise(seed, sensor.id, sensor.beams) if sensor.noise == "lms200" else None
         self._static = self._cast(world.static_segments, world.static_circles)
 
@@ -67,7 +67,7 @@ class Lms200:
             ranges=down(ranges),
             angle_min=self._angle_min,
             angle_increment=self._increment,
-            range_min=float(up(self.sensor.range_min)),
+            range_min=self._range_min,
             range_max=self._range_max,
         )
 

@@ -53,31 +53,36 @@ class Lms200Noise:
     -----
     Flicker: one normal value per beam and octave j, held for 2^j scans, all octaves added with equal variance.
     The held values give a spectrum that falls by 3 dB an octave. No state passes from scan to scan, so a scan
-    taken alone equals the same scan of a whole run.
+    taken alone equals the same scan of a whole run: the random bits come from Philox, a generator that starts at
+    any counter at once.
     """
 
     def __init__(self, seed: int, sensor_id: str, beams: int, settings: NoiseSettings | None = None) -> None:
         self.settings = settings or NoiseSettings()
-        self._seed, self._name, self._beams = seed, sensor_id, beams
+        self._beams = beams
         self._phases = generator(seed, sensor_id, 0).integers(
             0, 2**self.settings.octaves, self.settings.octaves
         )
-        self._held: dict[int, tuple[int, FloatArray]] = {}
+        self._bits = np.random.Philox(np.random.SeedSequence([seed, zlib.crc32(sensor_id.encode())]))
+        self._start = self._bits.state["state"]
+        self._generator = np.random.Generator(self._bits)
+        self._blocks = np.full(self.settings.octaves, -1)
+        self._held = np.zeros((self.settings.octaves, beams))
 
     def sample(self, number: int) -> FloatArray:
         """Return the error of every beam in scan `number` >= 0, shape (B,) [m]."""
-        white: FloatArray = generator(self._seed, self._name, 1, number).standard_normal(self._beams)
-        total = np.zeros(self._beams)
-        for octave in range(self.settings.octaves):
-            total += self._octave(octave, number)
-        flicker: FloatArray = total / math.sqrt(self.settings.octaves)
-        white *= self.settings.white_deviation
-        return white + self.settings.flicker_deviation * flicker
+        blocks = (number + self._phases) >> np.arange(self.settings.octaves)
+        for octave in np.flatnonzero(blocks != self._blocks):
+            self._held[octave] = self._normals(1 + int(octave), int(blocks[octave]))
+        self._blocks = blocks
+        flicker: FloatArray = self._held.sum(axis=0)
+        flicker *= self.settings.flicker_deviation / math.sqrt(self.settings.octaves)
+        return flicker + self.settings.white_deviation * self._normals(0, number)
 
-    def _octave(self, octave: int, number: int) -> FloatArray:
-        block = (number + int(self._phases[octave])) >> octave
-        held = self._held.get(octave)
-        if held is None or held[0] != block:
-            values = generator(self._seed, self._name, 2, octave, block).standard_normal(self._beams)
-            held = self._held[octave] = (block, values)
-        return held[1]
+    def _normals(self, stream: int, number: int) -> FloatArray:
+        """One normal value per beam that depends on nothing but stream and number."""
+        state = self._bits.state
+        state["state"] = {**self._start, "counter": np.array([0, 0, stream, number], dtype=np.uint64)}
+        state["buffer_pos"], state["has_uint32"] = 4, 0
+        self._bits.state = state
+        return self._generator.standard_normal(self._beams)
