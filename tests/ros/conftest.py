@@ -35,11 +35,6 @@ class Graph:
         self.nodes.append(node)
         return node
 
-    def remove(self, node: Any) -> None:
-        self.executor.remove_node(node)
-        self.nodes.remove(node)
-        node.destroy_node()
-
     def hear(self, kind: Any, topic: str, qos: QoSProfile | int = 100) -> list[Any]:
         """Return a list that fills with the messages of a topic."""
         heard: list[Any] = []

@@ -89,6 +89,7 @@ class ManagedNode(LifecycleNode):
         )
         self._release: list[Callable[[], object]] = []
         self._halt: list[Callable[[], object]] = []
+        self._round = 0  # counts activations and deactivations
 
     def autostart(self) -> None:
         """Go active if the parameter says so; a subclass calls it at the end of its constructor."""
@@ -114,21 +115,31 @@ class ManagedNode(LifecycleNode):
 
     def listen(self, kind: Any, topic: str, callback: Callable[[Any], None], qos: QoSProfile) -> None:
         """Hear a topic until the node is deactivated."""
-        subscription = self.create_subscription(kind, topic, callback, qos)
+        subscription = self.create_subscription(kind, topic, self._while_active(callback), qos)
         self._halt.append(lambda: self.destroy_subscription(subscription))
 
     def every(self, period: float, callback: Callable[[], None]) -> None:
         """Call something periodically [s, time of ROS] until the node is deactivated."""
-        timer = self.create_timer(period, callback)
+        timer = self.create_timer(period, self._while_active(callback))
         self._halt.append(lambda: self.destroy_timer(timer))
 
     def participate(
         self, period_ns: int, on_tick: Callable[[int], None], on_reset: Callable[[], None]
     ) -> Participant:
         """Take part in lockstep until the node is deactivated."""
-        participant = Participant(self, period_ns, on_tick, on_reset)
+        participant = Participant(self, period_ns, self._while_active(on_tick), on_reset)
         self._halt.append(participant.destroy)
         return participant
+
+    def _while_active(self, callback: Callable[..., None]) -> Callable[..., None]:
+        """Return the callback, deaf to what the executor still holds when the node is deactivated."""
+        round_ = self._round
+
+        def call(*arguments: Any) -> None:
+            if self._round == round_:
+                callback(*arguments)
+
+        return call
 
     def report_waiting(self, expected: Callable[[], Sequence[str]]) -> WaitingReport:
         """Say what is waited for until the node is deactivated."""
@@ -143,12 +154,13 @@ class ManagedNode(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition inactive -> active."""
+        self._round += 1
         self.start()
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition active -> inactive."""
-        _call_all(self._halt)
+        self._end_round()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -158,9 +170,13 @@ class ManagedNode(LifecycleNode):
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition to finalized."""
-        _call_all(self._halt)
+        self._end_round()
         _call_all(self._release)
         return super().on_shutdown(state)
+
+    def _end_round(self) -> None:
+        self._round += 1
+        _call_all(self._halt)
 
 
 def _call_all(callbacks: list[Callable[[], object]]) -> None:
