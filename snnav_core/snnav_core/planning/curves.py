@@ -18,62 +18,82 @@ _TURN = 1e-12
 
 
 @numba.njit(cache=True)
-def _first_hits(sources, targets, starts, ends):  # type: ignore[no-untyped-def]
-    """For each segment source -> target the smallest share at which it properly crosses an edge, and that edge."""
+def _crossing(px, py, dx, dy, e, starts, ends, following):  # type: ignore[no-untyped-def]
+    """Share of the segment p -> p + d at which it crosses the boundary on edge e or at the end of e; inf for none.
+
+    Touching is no crossing. Through vertices the boundary crosses when it comes from one side, perhaps runs along the
+    segment, and leaves to the other side: coming from the left it has the free side, which is on its left, behind these
+    vertices, coming from the right before them.
+    """
+    ax, ay = starts[e, 0] - px, starts[e, 1] - py
+    bx, by = ends[e, 0] - px, ends[e, 1] - py
+    ca = dx * ay - dy * ax
+    cb = dx * by - dy * bx
+    square = dx * dx + dy * dy
+    eps = 1e-9 * max(math.sqrt(square), 1.0)
+    if abs(ca) <= eps:
+        return math.inf
+    if abs(cb) > eps:
+        if ca * cb > 0.0:
+            return math.inf
+        ex, ey = bx - ax, by - ay
+        share = (ax * ey - ay * ex) / (dx * ey - dy * ex)
+        return share if 1e-9 < share < 1.0 - 1e-9 else math.inf
+    first = low = high = (bx * dx + by * dy) / square
+    after = following[e]
+    for _ in range(starts.shape[0]):
+        bx, by = ends[after, 0] - px, ends[after, 1] - py
+        cb = dx * by - dy * bx
+        if abs(cb) > eps:
+            break
+        share = (bx * dx + by * dy) / square
+        low, high = min(low, share), max(high, share)
+        after = following[after]
+    if ca * cb >= 0.0:
+        return math.inf
+    blocked = 1e-9 < low <= 1.0 + 1e-9 if ca > 0.0 else -1e-9 <= high < 1.0 - 1e-9
+    return max(first, 0.0) if blocked else math.inf
+
+
+@numba.njit(cache=True)
+def _first_hits(sources, targets, starts, ends, following):  # type: ignore[no-untyped-def]
+    """For each segment source -> target the smallest share at which it crosses the boundary, and the edge there."""
     share = np.full(sources.shape[0], np.inf)
     edge = np.full(sources.shape[0], -1, dtype=np.int64)
     for i in range(sources.shape[0]):
         px, py = sources[i, 0], sources[i, 1]
         dx, dy = targets[i, 0] - px, targets[i, 1] - py
-        length = math.sqrt(dx * dx + dy * dy)
-        eps = 1e-9 * max(length, 1.0)
         for e in range(starts.shape[0]):
-            ax, ay = starts[e, 0] - px, starts[e, 1] - py
-            bx, by = ends[e, 0] - px, ends[e, 1] - py
-            ca = dx * ay - dy * ax
-            cb = dx * by - dy * bx
-            # Strictly on one side, or merely touching the line with one end: no crossing.
-            if (ca > -eps and cb > -eps) or (ca < eps and cb < eps):
-                continue
-            ex, ey = bx - ax, by - ay
-            denominator = dx * ey - dy * ex
-            t = (ax * ey - ay * ex) / denominator
-            if 1e-9 < t < 1.0 - 1e-9 and t < share[i]:
+            t = _crossing(px, py, dx, dy, e, starts, ends, following)
+            if t < share[i]:
                 share[i] = t
                 edge[i] = e
     return share, edge
 
 
 @numba.njit(cache=True)
-def _tangent_graph(points, previous, following, starts, ends):  # type: ignore[no-untyped-def]
+def _tangent_graph(corners, before, starts, ends, following):  # type: ignore[no-untyped-def]
     """All pairs of corners whose connection touches both corners from outside and crosses no edge."""
-    count = points.shape[0]
     rows = []
     columns = []
     lengths = []
-    for i in range(count):
-        for j in range(i + 1, count):
-            dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+    for i in range(corners.shape[0]):
+        first = corners[i]
+        px, py = starts[first, 0], starts[first, 1]
+        for j in range(i + 1, corners.shape[0]):
+            second = corners[j]
+            dx, dy = starts[second, 0] - px, starts[second, 1] - py
             length = math.sqrt(dx * dx + dy * dy)
             if length < 1e-9:
                 continue
             eps = 1e-9 * max(length, 1.0)
-            if not _touches(points[i], previous[i], following[i], dx, dy, eps):
+            if not _touches(starts[first], before[first], ends[first], dx, dy, eps):
                 continue
-            if not _touches(points[j], previous[j], following[j], dx, dy, eps):
+            if not _touches(starts[second], before[second], ends[second], dx, dy, eps):
                 continue
             free = True
-            px, py = points[i, 0], points[i, 1]
             for e in range(starts.shape[0]):
-                ax, ay = starts[e, 0] - px, starts[e, 1] - py
-                bx, by = ends[e, 0] - px, ends[e, 1] - py
-                ca = dx * ay - dy * ax
-                cb = dx * by - dy * bx
-                if (ca > -eps and cb > -eps) or (ca < eps and cb < eps):
-                    continue
-                ex, ey = bx - ax, by - ay
-                t = (ax * ey - ay * ex) / (dx * ey - dy * ex)
-                if 1e-9 < t < 1.0 - 1e-9:
+                if _crossing(px, py, dx, dy, e, starts, ends, following) < math.inf:
                     free = False
                     break
             if free:
@@ -114,6 +134,8 @@ class AreaCurves:
         self.starts: FloatArray = np.concatenate(self.rings)
         self.ends: FloatArray = np.concatenate([np.roll(ring, -1, axis=0) for ring in self.rings])
         self.before: FloatArray = np.concatenate([np.roll(ring, 1, axis=0) for ring in self.rings])
+        edges = np.split(np.arange(len(self.starts)), self.offsets[1:-1])
+        self._following = np.concatenate([np.roll(edge, -1) for edge in edges])
         shapely.prepare(self.polygon)
 
     def covers(self, point: FloatArray) -> bool:
@@ -144,13 +166,11 @@ class AreaCurves:
         if len(chosen) < 2:
             empty = np.empty(0, dtype=np.int64)
             return empty, empty, np.empty(0)
-        rows, columns, lengths = _tangent_graph(
-            self.starts[chosen], self.before[chosen], self.ends[chosen], self.starts, self.ends
-        )
+        rows, columns, lengths = _tangent_graph(chosen, self.before, self.starts, self.ends, self._following)
         return rows, columns, lengths
 
     def first_hits(self, sources: FloatArray, targets: FloatArray) -> tuple[FloatArray, np.ndarray]:
-        """First proper crossing of each segment with a curve.
+        """First crossing of each segment with a curve; touching one is no crossing.
 
         Parameters
         ----------
@@ -169,6 +189,7 @@ class AreaCurves:
             np.ascontiguousarray(targets, dtype=np.float64),
             self.starts,
             self.ends,
+            self._following,
         )
         return share, edge
 
