@@ -12,54 +12,13 @@ from collections.abc import Sequence
 import numba
 import numpy as np
 
+from snnav_core.area.bins import SegmentBins
 from snnav_core.types import FloatArray
 
 __all__ = ["ClearanceField"]
 
-_MAX_BINS = 250_000
+_BIN_SIZE = 0.25  # [m]
 _FARTHEST = 1e8  # [m]; a point with a larger coordinate is outside of every area
-
-
-@numba.njit(cache=True)
-def _bin_segments(starts, ends, origin, size, nx, ny):  # type: ignore[no-untyped-def]
-    """Compressed lists: the segments whose bounding box touches each bin."""
-    count = starts.shape[0]
-    boxes = np.empty((count, 4), dtype=np.int64)
-    offsets = np.zeros(nx * ny + 1, dtype=np.int64)
-    for s in range(count):
-        x0 = min(starts[s, 0], ends[s, 0])
-        x1 = max(starts[s, 0], ends[s, 0])
-        y0 = min(starts[s, 1], ends[s, 1])
-        y1 = max(starts[s, 1], ends[s, 1])
-        boxes[s, 0] = min(max(int((x0 - origin[0]) / size), 0), nx - 1)
-        boxes[s, 1] = min(max(int((x1 - origin[0]) / size), 0), nx - 1)
-        boxes[s, 2] = min(max(int((y0 - origin[1]) / size), 0), ny - 1)
-        boxes[s, 3] = min(max(int((y1 - origin[1]) / size), 0), ny - 1)
-        for ix in range(boxes[s, 0], boxes[s, 1] + 1):
-            for iy in range(boxes[s, 2], boxes[s, 3] + 1):
-                if _touches(starts, ends, s, origin[0] + ix * size, origin[1] + iy * size, size):
-                    offsets[ix * ny + iy + 1] += 1
-    for b in range(nx * ny):
-        offsets[b + 1] += offsets[b]
-    fill = offsets[:-1].copy()
-    members = np.empty(offsets[-1], dtype=np.int64)
-    for s in range(count):
-        for ix in range(boxes[s, 0], boxes[s, 1] + 1):
-            for iy in range(boxes[s, 2], boxes[s, 3] + 1):
-                if _touches(starts, ends, s, origin[0] + ix * size, origin[1] + iy * size, size):
-                    b = ix * ny + iy
-                    members[fill[b]] = s
-                    fill[b] += 1
-    return offsets, members
-
-
-@numba.njit(cache=True)
-def _touches(starts, ends, s, x, y, size):  # type: ignore[no-untyped-def]
-    """Whether the line of a segment meets the square at (x, y), widened by a rounding allowance."""
-    dx = ends[s, 0] - starts[s, 0]
-    dy = ends[s, 1] - starts[s, 1]
-    offset = dx * (y + 0.5 * size - starts[s, 1]) - dy * (x + 0.5 * size - starts[s, 0])
-    return abs(offset) <= 0.5001 * size * (abs(dx) + abs(dy)) + 1e-12
 
 
 @numba.njit(cache=True)
@@ -159,12 +118,7 @@ class ClearanceField:
         self._ends = np.concatenate([piece[1] for piece in pieces])
         self._normals_start = np.concatenate([piece[2] for piece in pieces])
         self._normals_end = np.concatenate([piece[3] for piece in pieces])
-        low = np.minimum(self._starts.min(axis=0), self._ends.min(axis=0)) - 1e-6
-        extent = np.maximum(self._starts.max(axis=0), self._ends.max(axis=0)) + 1e-6 - low
-        size = max(0.25, math.sqrt(float(extent[0] * extent[1]) / _MAX_BINS))
-        self._origin, self._size = low, size
-        self._shape = (int(extent[0] / size) + 1, int(extent[1] / size) + 1)
-        self._offsets, self._members = _bin_segments(self._starts, self._ends, low, size, *self._shape)
+        self._bins = SegmentBins.of(self._starts, self._ends, _BIN_SIZE)
 
     @property
     def segment_count(self) -> int:
@@ -200,11 +154,12 @@ class ClearanceField:
             self._ends,
             self._normals_start,
             self._normals_end,
-            self._offsets,
-            self._members,
-            self._origin,
-            self._size,
-            *self._shape,
+            self._bins.offsets,
+            self._bins.members,
+            self._bins.origin,
+            self._bins.size,
+            self._bins.columns,
+            self._bins.rows,
         )
         return distance, gradient
 

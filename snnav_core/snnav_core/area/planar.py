@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from snnav_core.area.clearance import ClearanceField
 from snnav_core.errors import InvalidInput
+from snnav_core.sensing.thinning import thin_ring
 from snnav_core.types import FloatArray
 
 __all__ = [
@@ -26,12 +27,9 @@ __all__ = [
     "shrink",
 ]
 
-_QUAD_SEGMENTS = 16
-# A polygonal arc of a buffer lies inside the true circle; enlarging the distance puts it outside. GEOS rounds the
-# number of chords of a partial arc, so that one chord may span up to 1.5 times a quarter circle / _QUAD_SEGMENTS.
+_FINE, _COARSE = 16, 8  # segments of a quarter circle: below 1 m, where passages are narrow, and above
 _MANY_VERTICES = 6000
 _PIECE = 16  # boundary segments
-_ARC_FACTOR = 1.0 / math.cos(1.5 * math.pi / (4 * _QUAD_SEGMENTS))
 
 
 def as_multipolygon(geometry: BaseGeometry) -> MultiPolygon:
@@ -147,7 +145,21 @@ def shrink(geometry: BaseGeometry, distance: float) -> MultiPolygon:
         return as_multipolygon(geometry)
     if shapely.get_num_coordinates(geometry) > _MANY_VERTICES:
         return as_multipolygon(shapely.difference(geometry, _boundary_band(geometry, distance)))
-    return as_multipolygon(geometry.buffer(-distance * _ARC_FACTOR, quad_segs=_QUAD_SEGMENTS))
+    return as_multipolygon(geometry.buffer(-_outside(distance), quad_segs=_segments(distance)))
+
+
+def _segments(distance: float) -> int:
+    return _FINE if distance < 1.0 else _COARSE
+
+
+def _outside(distance: float | FloatArray, segments: int | None = None) -> float | FloatArray:
+    """Radius of a polygonal arc of shapely that lies outside of the true circle everywhere.
+
+    Its corners are on the circle. GEOS rounds the number of chords of a partial arc, so that one chord may span up to
+    1.5 times a quarter circle / segments.
+    """
+    segments = segments or _segments(float(np.max(distance)))
+    return distance / math.cos(1.5 * math.pi / (4 * segments))
 
 
 def _boundary_band(geometry: BaseGeometry, distance: float) -> BaseGeometry:
@@ -162,13 +174,13 @@ def _boundary_band(geometry: BaseGeometry, distance: float) -> BaseGeometry:
             shapely.linestrings(points[begin : begin + _PIECE + 1])
             for begin in range(0, len(points) - 1, _PIECE)
         ]
-    bands = shapely.buffer(np.array(pieces), distance * _ARC_FACTOR, quad_segs=_QUAD_SEGMENTS)
+    bands = shapely.buffer(np.array(pieces), _outside(distance), quad_segs=_segments(distance))
     return shapely.union_all(bands)
 
 
 def grow(geometry: BaseGeometry, distance: float) -> BaseGeometry:
     """Points within `distance` [m] of the geometry, never fewer than that (for obstacles)."""
-    return geometry.buffer(distance * _ARC_FACTOR, quad_segs=_QUAD_SEGMENTS)
+    return geometry.buffer(_outside(distance), quad_segs=_segments(distance))
 
 
 def reduce_area(region: BaseGeometry, distance: float, simplification: float = 0.0) -> MultiPolygon:
@@ -181,19 +193,32 @@ def reduce_area(region: BaseGeometry, distance: float, simplification: float = 0
     distance : float
         Distance to keep from the boundary [m].
     simplification : float
-        Tolerance of a first simplification of the boundary [m]; the start of a ring can move by twice as much, so
-        the reduction is enlarged by 2 `simplification`: fewer vertices, never more free space.
+        Tolerance [m] of leaving out points, of the boundary before and of the result after the reduction. The latter
+        can move the start of a ring by twice as much, so the reduction is enlarged by that.
 
     Returns
     -------
     shapely.MultiPolygon
-        Subset of the exact reduction, short of it by at most 4 `simplification` + 1.1 % of the distance.
+        Subset of the exact reduction, short of it by at most 5 `simplification` + 1.1 % of the distance.
     """
-    if simplification > 0.0:
-        region = shapely.simplify(region, simplification, preserve_topology=True)
-        if not region.is_valid:
-            region = shapely.make_valid(region)
-    return shrink(region, distance + 2.0 * simplification)
+    if simplification <= 0.0:
+        return shrink(region, distance)
+    left = shrink(_thinned(region, simplification), distance + 2.0 * simplification)
+    simple = shapely.simplify(left, simplification, preserve_topology=True)
+    return as_multipolygon(simple if simple.is_valid else shapely.make_valid(simple))
+
+
+def _thinned(region: BaseGeometry, tolerance: float) -> BaseGeometry:
+    polygons = []
+    for polygon in as_multipolygon(region).geoms:
+        exterior = thin_ring(_ring(shapely.get_coordinates(polygon.exterior), True), tolerance)
+        holes = [
+            thin_ring(_ring(shapely.get_coordinates(hole), False), tolerance) for hole in polygon.interiors
+        ]
+        polygons.append(Polygon(exterior, holes))
+    thinned = MultiPolygon(polygons)
+    # A chord that replaces points may touch another ring: what both enclose counts as free then.
+    return thinned if thinned.is_valid else shapely.intersection(shapely.make_valid(thinned), region)
 
 
 def component_at(region: MultiPolygon, point: FloatArray) -> Polygon | None:
@@ -220,7 +245,7 @@ def remove_disks(region: MultiPolygon, centres: FloatArray, radii: FloatArray) -
         return region
     disks = shapely.buffer(
         shapely.points(np.asarray(centres, dtype=np.float64)),
-        np.asarray(radii, dtype=np.float64) * _ARC_FACTOR,
-        quad_segs=_QUAD_SEGMENTS,
+        _outside(np.asarray(radii, dtype=np.float64), _COARSE),
+        quad_segs=_COARSE,
     )
     return as_multipolygon(shapely.difference(region, shapely.union_all(disks)))

@@ -17,7 +17,7 @@ from snnav_core.types import FloatArray
 
 __all__ = ["AreaContext", "Disks"]
 
-_SIMPLIFICATION_SHARE = 0.0025
+_NARROW_SHARE, _WIDE_SHARE = 0.00125, 0.01  # of the distance: below 1 m passages matter, above speed does
 
 Disks = tuple[tuple[float, float, float], ...]
 """Disks of standing robots: x, y, radius [m, map]; a hashable value."""
@@ -64,7 +64,8 @@ class AreaContext:
         """The area reduced by `distance` [m], without the disks of standing robots."""
         key = round(distance, 6)
         if key not in self._reduced:
-            tolerance = min(self._simplification, _SIMPLIFICATION_SHARE * distance)
+            share = _NARROW_SHARE if distance < 1.0 else _WIDE_SHARE
+            tolerance = min(self._simplification, share * distance)
             self._reduced[key] = reduce_area(self.area.region, distance, tolerance)
         if not disks:
             return self._reduced[key]

@@ -86,14 +86,15 @@ def _reachable_target(
 ) -> FloatArray:
     """The goal itself, or the nearest point that can be planned for when that still counts as arrived."""
     clearance = context.clearance(goal)
-    if clearance >= distances.tightest and context.curves(distances.tightest, disks, goal) is not None:
+    outside_disks = all(math.hypot(goal[0] - x, goal[1] - y) > radius for x, y, radius in disks)
+    if clearance >= 1.012 * distances.tightest and outside_disks:
         return goal
     nearest = context.nearest_inside(goal, distances.tightest, disks)
     if nearest is None or float(np.linalg.norm(nearest - goal)) > 0.8 * distances.arrival:
         raise GoalBlocked(
             f"target ({goal[0]:.2f}, {goal[1]:.2f}) of robot {robot.id} has {clearance:.2f} m to the boundary of the "
-            f"unoccupied area, needs {distances.tightest:.3f} m (safety margin {settings.safety_margin:.2f} m); move the "
-            "target or let a sensor see its surroundings"
+            f"unoccupied area, needs {distances.tightest:.3f} m (safety margin {settings.safety_margin:.2f} m); move "
+            "the target or let a sensor see its surroundings"
         )
     return nearest
 

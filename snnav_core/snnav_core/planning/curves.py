@@ -10,11 +10,13 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
+from snnav_core.area.bins import SegmentBins
 from snnav_core.types import FloatArray
 
 __all__ = ["AreaCurves"]
 
 _TURN = 1e-12
+_BIN_SIZE = 0.5  # [m]
 
 
 @numba.njit(cache=True)
@@ -56,26 +58,74 @@ def _crossing(px, py, dx, dy, e, starts, ends, following):  # type: ignore[no-un
 
 
 @numba.njit(cache=True)
-def _first_hits(sources, targets, starts, ends, following):  # type: ignore[no-untyped-def]
+def _first_crossing(px, py, dx, dy, starts, ends, following, offsets, members, origin, size, columns, rows):  # type: ignore[no-untyped-def]
+    """Smallest share of the segment p -> p + d at which it crosses the boundary, and the edge there; inf, -1 for none.
+
+    Walks the bins column by column in the direction of the segment.
+    """
+    best, edge = math.inf, -1
+    begin = int(math.floor((px - origin[0]) / size - 1e-9))
+    end = int(math.floor((px + dx - origin[0]) / size + 1e-9))
+    step = 1 if dx >= 0.0 else -1
+    if step < 0:
+        begin, end = (
+            int(math.floor((px - origin[0]) / size + 1e-9)),
+            int(math.floor((px + dx - origin[0]) / size - 1e-9)),
+        )
+    for column in range(begin, end + step, step):
+        if column < 0 or column >= columns:
+            continue
+        left, right = origin[0] + column * size, origin[0] + (column + 1) * size
+        first, last = 0.0, 1.0
+        if dx != 0.0:
+            at_left, at_right = (left - px) / dx, (right - px) / dx
+            first, last = max(min(at_left, at_right), 0.0), min(max(at_left, at_right), 1.0)
+        if best < first:
+            break
+        low, high = py + first * dy, py + last * dy
+        if low > high:
+            low, high = high, low
+        row_from = max(int(math.floor((low - origin[1]) / size - 1e-9)), 0)
+        row_to = min(int(math.floor((high - origin[1]) / size + 1e-9)), rows - 1)
+        for row in range(row_from, row_to + 1):
+            b = column * rows + row
+            for m in range(offsets[b], offsets[b + 1]):
+                t = _crossing(px, py, dx, dy, members[m], starts, ends, following)
+                if t < best:
+                    best, edge = t, members[m]
+    return best, edge
+
+
+@numba.njit(cache=True)
+def _first_hits(sources, targets, starts, ends, following, offsets, members, origin, size, columns, rows):  # type: ignore[no-untyped-def]
     """For each segment source -> target the smallest share at which it crosses the boundary, and the edge there."""
     share = np.full(sources.shape[0], np.inf)
     edge = np.full(sources.shape[0], -1, dtype=np.int64)
     for i in range(sources.shape[0]):
         px, py = sources[i, 0], sources[i, 1]
-        dx, dy = targets[i, 0] - px, targets[i, 1] - py
-        for e in range(starts.shape[0]):
-            t = _crossing(px, py, dx, dy, e, starts, ends, following)
-            if t < share[i]:
-                share[i] = t
-                edge[i] = e
+        share[i], edge[i] = _first_crossing(
+            px,
+            py,
+            targets[i, 0] - px,
+            targets[i, 1] - py,
+            starts,
+            ends,
+            following,
+            offsets,
+            members,
+            origin,
+            size,
+            columns,
+            rows,
+        )
     return share, edge
 
 
 @numba.njit(cache=True)
-def _tangent_graph(corners, before, starts, ends, following):  # type: ignore[no-untyped-def]
+def _tangent_graph(corners, before, starts, ends, following, offsets, members, origin, size, columns, rows):  # type: ignore[no-untyped-def]
     """All pairs of corners whose connection touches both corners from outside and crosses no edge."""
-    rows = []
-    columns = []
+    found_from = []
+    found_to = []
     lengths = []
     for i in range(corners.shape[0]):
         first = corners[i]
@@ -91,16 +141,14 @@ def _tangent_graph(corners, before, starts, ends, following):  # type: ignore[no
                 continue
             if not _touches(starts[second], before[second], ends[second], dx, dy, eps):
                 continue
-            free = True
-            for e in range(starts.shape[0]):
-                if _crossing(px, py, dx, dy, e, starts, ends, following) < math.inf:
-                    free = False
-                    break
-            if free:
-                rows.append(i)
-                columns.append(j)
+            share, _ = _first_crossing(
+                px, py, dx, dy, starts, ends, following, offsets, members, origin, size, columns, rows
+            )
+            if share == math.inf:
+                found_from.append(i)
+                found_to.append(j)
                 lengths.append(length)
-    return np.array(rows), np.array(columns), np.array(lengths)
+    return np.array(found_from), np.array(found_to), np.array(lengths)
 
 
 @numba.njit(cache=True)
@@ -136,6 +184,8 @@ class AreaCurves:
         self.before: FloatArray = np.concatenate([np.roll(ring, 1, axis=0) for ring in self.rings])
         edges = np.split(np.arange(len(self.starts)), self.offsets[1:-1])
         self._following = np.concatenate([np.roll(edge, -1) for edge in edges])
+        bins = SegmentBins.of(self.starts, self.ends, _BIN_SIZE)
+        self._bins = (bins.offsets, bins.members, bins.origin, bins.size, bins.columns, bins.rows)
         shapely.prepare(self.polygon)
 
     def covers(self, point: FloatArray) -> bool:
@@ -166,7 +216,9 @@ class AreaCurves:
         if len(chosen) < 2:
             empty = np.empty(0, dtype=np.int64)
             return empty, empty, np.empty(0)
-        rows, columns, lengths = _tangent_graph(chosen, self.before, self.starts, self.ends, self._following)
+        rows, columns, lengths = _tangent_graph(
+            chosen, self.before, self.starts, self.ends, self._following, *self._bins
+        )
         return rows, columns, lengths
 
     def first_hits(self, sources: FloatArray, targets: FloatArray) -> tuple[FloatArray, np.ndarray]:
@@ -190,6 +242,7 @@ class AreaCurves:
             self.starts,
             self.ends,
             self._following,
+            *self._bins,
         )
         return share, edge
 

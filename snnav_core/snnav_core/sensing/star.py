@@ -17,6 +17,7 @@ __all__ = ["BeamFan", "shorten_fan", "star_rings"]
 _TURN = 2.0 * math.pi
 _SAME_BEAM = 1e-3  # fraction of an increment: a beam this close to a full turn counts as a repetition
 _ALIGNED = 1e-6  # fraction of an increment: directions that coincide
+_ON_OUTLINE = 1e-6  # [m]: the returns of a scan lie on its own outline, but for rounding
 _CLOSING_GAP = 1.5  # a gap of so many increments between the last and the first beam still closes the circle
 
 
@@ -219,7 +220,7 @@ def _shorten(free, increment, jump_ratio, jump_distance, distance, bearing, dept
             near * far * math.sin(increment) / (near * math.sin(angle) + far * math.sin(increment - angle))
         )
         passed = outline - distance[i]
-        if passed <= 0.0:
+        if passed <= _ON_OUTLINE:
             continue
         # Sine of the angle between the ray and the chord from beam to beam.
         chord = math.sqrt(near * near + far * far - 2.0 * near * far * math.cos(increment))
