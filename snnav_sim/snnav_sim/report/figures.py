@@ -80,7 +80,7 @@ def draw_scene(scene: Scene, record: RunRecord, truth: GroundTruth, file: Path) 
     figure.legend(
         handles=_legend(scene, planned), loc="outside lower center", ncols=5, fontsize=8, frameon=False
     )
-    figure.savefig(file, dpi=_DPI)
+    figure.savefig(file, dpi=_DPI, bbox_inches="tight", pad_inches=0.15)
 
 
 def draw_clearance(scene: Scene, record: RunRecord, truth: GroundTruth, file: Path) -> None:
@@ -120,7 +120,7 @@ def draw_clearance(scene: Scene, record: RunRecord, truth: GroundTruth, file: Pa
     what = "fused area and recorded returns" if scene.recorded else "true obstacles, bodies and walls"
     axes.set_title(f"{scene.name}: distance from the robot's centre to {what}", loc="left", fontsize=11)
     axes.legend(fontsize=8, ncols=3, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.15))
-    figure.savefig(file, dpi=_DPI)
+    figure.savefig(file, dpi=_DPI, bbox_inches="tight", pad_inches=0.15)
 
 
 def _planning_distance(scene: Scene, record: RunRecord) -> float | None:
@@ -228,6 +228,9 @@ def _legend(scene: Scene, planned: float | None) -> list[Line2D | Patch]:
         Line2D([], [], color=_ROBOT_COLOURS[index % len(_ROBOT_COLOURS)], linewidth=2.2, label=robot.id)
         for index, robot in enumerate(scene.robots[:8])
     ]
+    if len(scene.robots) > 8:
+        more = f"and {len(scene.robots) - 8} more"
+        handles.append(Line2D([], [], color="none", label=more))
     handles.append(
         Line2D([], [], color="black", marker="o", linestyle="none", markersize=4, label="range finder")
     )
