@@ -25,7 +25,8 @@ from snnav_sim.scene import Scene, dump_scene
 __all__ = ["BringupError", "NodePlan", "plan_nodes", "run_scene"]
 
 _CLOCK, _FUSION, _PLANNER = "clock_node", "fusion_node", "planner_node"
-_WAIT = 0.2  # [s] from one look at the child processes to the next
+_WAIT = 0.2  # [s] from one look at signals and child processes to the next
+_STALL = 60.0  # [s] without any message
 
 
 class BringupError(SnnavError):
@@ -106,7 +107,7 @@ def run_scene(
     MissingRos
         If there is no rclpy.
     BringupError
-        If a process of a node ended before the run did.
+        If a process of a node ended before the run did, or nothing is published for a minute.
     KeyboardInterrupt
         After SIGINT or SIGTERM, once the present callback is through.
     """
@@ -131,8 +132,8 @@ def run_scene(
             plans = []
         context = stack.enter_context(_ros(domain))
         executor = stack.enter_context(_executor(context))
-        _add_nodes(stack, executor, context, scene, plans, collector, lockstep=not realtime)
-        _spin(executor, collector, children, told)
+        recorder = _add_nodes(stack, executor, context, scene, plans, collector, lockstep=not realtime)
+        _spin(executor, recorder, collector, children, told)
         collector.close()
     return record
 
@@ -174,8 +175,8 @@ def _add_nodes(
     collector: RunCollector,
     *,
     lockstep: bool,
-) -> None:
-    """Make the recorder and the planned nodes; they are destroyed when the stack unwinds."""
+) -> Any:
+    """Make the planned nodes and the recorder, and return this; they are destroyed when the stack unwinds."""
     import importlib
 
     from rclpy.logging import LoggingSeverity, set_logger_level
@@ -189,23 +190,37 @@ def _add_nodes(
 
     recorder_parameters = {"use_sim_time": not lockstep}
     options = NodeOptions(parameters=recorder_parameters, context=context, lean=True)
-    add(RecorderNode(options, scene, collector, lockstep))
+    recorder = RecorderNode(options, scene, collector, lockstep)
+    add(recorder)
     for plan in plans:
         set_logger_level(plan.name, LoggingSeverity.WARN)
         node_class = getattr(importlib.import_module(f"snnav_ros.nodes.{plan.module}"), plan.class_name)
         add(node_class(NodeOptions(plan.name, plan.parameters, context, lean=True)))
+    return recorder
 
 
 def _spin(
-    executor: Any, collector: RunCollector, children: ChildProcesses | None, told: Callable[[], bool]
+    executor: Any,
+    recorder: Any,
+    collector: RunCollector,
+    children: ChildProcesses | None,
+    told: Callable[[], bool],
 ) -> None:
-    look = time.monotonic()
+    look = alive = time.monotonic()
+    messages = -1
     while not collector.finished:
         executor.spin_once(timeout_sec=_WAIT)
         if told():
             raise KeyboardInterrupt
-        if children is not None and time.monotonic() - look > _WAIT:
-            look = time.monotonic()
-            ended = children.ended()
-            if ended:
-                raise BringupError(ended)
+        now = time.monotonic()
+        if now - look < _WAIT:
+            continue
+        look = now
+        if children is not None and (ended := children.ended()):
+            raise BringupError(ended)
+        if collector.messages != messages:
+            messages, alive = collector.messages, now
+        elif now - alive > _STALL:
+            raise BringupError(
+                f"nothing was published for {_STALL:g} s; the recorder waits for {recorder.missing()}"
+            )

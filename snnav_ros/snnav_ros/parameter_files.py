@@ -7,8 +7,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from snnav_core.errors import SnnavError
 
 __all__ = ["ParameterFileError", "check_parameter_files", "parameter_files"]
@@ -31,6 +29,8 @@ def check_parameter_files(arguments: Sequence[str]) -> None:
     ParameterFileError
         With file, line or key, and remedy.
     """
+    import yaml  # here, for until the program has begun a signal ends it with a stack trace
+
     for path in parameter_files(arguments):
         try:
             content = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -49,7 +49,7 @@ def check_parameter_files(arguments: Sequence[str]) -> None:
         _check(path, (), content)
 
 
-def _yaml_message(path: Path, error: yaml.YAMLError) -> str:
+def _yaml_message(path: Path, error: Exception) -> str:
     mark = getattr(error, "problem_mark", None)
     line = f":{mark.line + 1}" if mark is not None else ""
     return f"{path}{line}: is no YAML ({getattr(error, 'problem', None) or 'unreadable'}); correct it there"

@@ -156,6 +156,7 @@ class ParameterReader:
     def _declare(self, name: str, hint: Any, text: str, value: Any, limits: tuple[float, float]) -> None:
         descriptor = ParameterDescriptor(description=text, read_only=True, dynamic_typing=value is None)
         kind = _plain(hint)
+        descriptor.additional_constraints = _worded(hint)
         if all(map(math.isfinite, limits)) and kind in (float, int):
             if kind is float:
                 descriptor.floating_point_range = [
@@ -228,6 +229,16 @@ def _converted(value: Any, hint: Any) -> Any:
     if type(value) is not first:
         raise TypeError(f"is no {_named(first)}; write {_EXAMPLES[first]}")
     return value
+
+
+def _worded(hint: Any) -> str:
+    """Return the type of a parameter in the words of ROS, and whether it may stay unset."""
+    first, kind = _options(hint)[0], _plain(hint)
+    literal = typing.get_origin(first) is typing.Literal
+    name = "string" if literal else {float: "double", int: "int", bool: "bool", str: "string"}[kind]
+    several = "[]" if typing.get_origin(first) is tuple else ""
+    choice = f", one of {', '.join(typing.get_args(first))}" if literal else ""
+    return f"{name}{several}{choice}{', may stay unset' if type(None) in typing.get_args(hint) else ''}"
 
 
 _EXAMPLES = {float: "a number such as 1.0", int: "a whole number", bool: "true or false", str: "a text"}

@@ -65,11 +65,14 @@ class RunCollector:
         progress: RunProgress | None = None,
     ) -> None:
         self.record = record
+        self.messages = 0
+        """How many came; a run is alive while this grows."""
         self._bag, self._lockstep, self._progress = bag, lockstep, progress
         self._control_ns = nanoseconds(scene.control_period)
         self._robots = {robot.id: _Robot() for robot in scene.robots}
         self._latest: dict[str, int] = {sensor.id: -1 for sensor in scene.sensors}
         self._latest |= dict.fromkeys(("area", "grid", *_STEPS), -1)
+        self._latest |= {f"tracker {robot.id}": -1 for robot in scene.robots}
         self._watch = EndWatch(scene)
         self._decided = -1
 
@@ -85,10 +88,18 @@ class RunCollector:
 
     def complete(self, tick: int, sampled: bool) -> bool:
         """Whether everything of a tick [ns] is there; at a sampling instant also scans, area and decisions."""
-        for robot in self._robots.values():
-            if robot.stamp < tick or (robot.commands - 1) * self._control_ns < tick:
-                return False
-        return not sampled or (self._decided >= tick and min(self._latest.values()) >= tick)
+        return not self.missing(tick, sampled)
+
+    def missing(self, tick: int, sampled: bool) -> list[str]:
+        """Return what of a tick [ns] is not there yet."""
+        names = [f"{name}/odom" for name, robot in self._robots.items() if robot.stamp < tick]
+        for name, robot in self._robots.items():
+            if (robot.commands - 1) * self._control_ns < tick:
+                names.append(f"{name}/cmd_vel")
+        if sampled:
+            names += [key for key, stamp in self._latest.items() if stamp < tick]
+            names += [] if self._decided >= tick else ["paths and certificates"]
+        return names
 
     def close(self) -> None:
         """Note where the robots are at the end."""
@@ -97,6 +108,7 @@ class RunCollector:
 
     def write(self, topic: str, message: Any, stamp: int) -> None:
         """Put a message into the bag only."""
+        self.messages += 1
         if self._bag is not None:
             self._bag.write(topic, message, stamp)
 
@@ -111,11 +123,12 @@ class RunCollector:
         stamp = nanoseconds_from_stamp(message.header.stamp)
         self.write(topic, message, stamp)
         for status in message.status:
+            if status.name in self._latest:
+                self._latest[status.name] = max(self._latest[status.name], stamp)
             if status.name in _STEPS:
                 values = {pair.key: pair.value for pair in status.values}
                 steps = self.record.fusion_seconds if status.name == "fusion" else self.record.planner_seconds
                 steps.append(1e-3 * float(values["step_ms"]))
-                self._latest[status.name] = max(self._latest[status.name], stamp)
 
     def take_odometry(self, name: str, topic: str, message: Any) -> None:
         """Take the pose of a robot; its speeds are those it drove with since the last pose."""

@@ -69,8 +69,8 @@ class ClockNode(Node):
         serve(self, options, self.reset, {"pause": self._pause})
         if lockstep:
             self.create_subscription(Header, DONE_TOPIC, self._on_done, DONE_INBOX)
-            self._waiting = WaitingReport(self, lambda: sorted(self._missing))
             self._tick()
+            self._waiting = WaitingReport(self, lambda: sorted(self._missing))
         else:
             wall = RosClock(clock_type=ClockType.STEADY_TIME)
             self.create_timer(self.settings.control_period / self.settings.rate, self._on_timer, clock=wall)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from functools import partial
 from typing import Any
 
@@ -55,13 +55,14 @@ class FusionNode(ManagedNode):
     def __init__(self, options: NodeOptions | None = None) -> None:
         super().__init__("fusion_node", options or NodeOptions())
         scene = read_scene(self.reader)
+        self.sensors = {one.sensor.id: one for one in read_sensors(self.reader, scene)}
         interval = {} if scene is None else {"sampling_interval": scene.sampling_interval}
         self.settings = self.reader.settings(FusionParameters, **interval)
-        base = FusionSettings() if scene is None else fusion_settings(scene)
-        self.fusion_settings = self.reader.settings(
-            FusionSettings, **{field.name: getattr(base, field.name) for field in fields(base)}
-        )
-        self.sensors = {one.sensor.id: one for one in read_sensors(self.reader, scene)}
+        base: dict[str, Any] = {"boundary_speed": MISSING}  # how fast things move, a person has to say
+        if scene is not None:
+            held = fusion_settings(scene)
+            base = {field.name: getattr(held, field.name) for field in fields(held)}
+        self.fusion_settings = self.reader.settings(FusionSettings, **base)
         self.reader.finish()
         if not self.lockstep:
             self._jump = watch_time(self, self.reset)
@@ -146,7 +147,9 @@ class FusionNode(ManagedNode):
         area = self._fusion.area(seconds(now))
         duration = clock.perf_counter() - begin
         self._areas.publish(area_to_message(area))
-        if self._grids.get_subscription_count() > 0:
+        if (
+            self.lockstep or self._grids.get_subscription_count() > 0
+        ):  # in lockstep a listener may be found later
             self._grids.publish(area_to_grid(area, self.settings.grid_resolution))
         self._misses += duration > self.settings.sampling_interval
         self._diagnostics.publish(diagnostics(now, self._statuses(area, duration)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from functools import partial
 from typing import Any
 
@@ -66,13 +66,13 @@ class PlannerNode(ManagedNode):
     def __init__(self, options: NodeOptions | None = None) -> None:
         super().__init__("planner_node", options or NodeOptions())
         scene = read_scene(self.reader)
+        self.robots = {robot.spec.id: robot for robot in read_robots(self.reader, scene)}
         self.settings = self.reader.settings(PlannerParameters)
-        base = {}
+        base: dict[str, Any] = {"boundary_speed": MISSING}  # how fast things move, a person has to say
         if scene is not None:
             held = navigator_settings(scene)
             base = {field.name: getattr(held, field.name) for field in fields(held)}
         self.navigator_settings = self.reader.settings(NavigatorSettings, **base)
-        self.robots = {robot.spec.id: robot for robot in read_robots(self.reader, scene)}
         self.reader.finish()
         self._max_area_age = self.settings.max_area_age or 2.0 * self.navigator_settings.sampling_interval
         try:

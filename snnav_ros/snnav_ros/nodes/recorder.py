@@ -73,6 +73,13 @@ class RecorderNode(Node):
         self.create_publisher(PoseStamped, topic, COMMAND).publish(goal)
         self._collector.write(topic, goal, 0)
 
+    def missing(self) -> str:
+        """Return what the recorder waits for, for a message."""
+        tick = None if self._participant is None else self._participant.due
+        if tick is None:
+            return "/clock"
+        return ", ".join(self._collector.missing(tick, tick % self._sample_ns == 0))
+
     def _on_tick(self, tick: int) -> None:
         self._collector.write("/clock", Clock(clock=stamp_message(tick)), tick)
         self._go_on_when_complete()

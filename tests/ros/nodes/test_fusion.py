@@ -24,6 +24,7 @@ SECOND = 10**9
 SITE = {
     "sampling_interval": 0.5,
     "max_scan_age": 1.0,
+    "boundary_speed": 0.0,
     "sensors": ["north", "south"],
     "north.position": [0.0, 9.0],
     "north.heading_deg": -90.0,
@@ -235,3 +236,5 @@ def test_without_sensors_or_scene_it_says_what_to_give(graph: Any) -> None:
         graph.add(FusionNode)
     with pytest.raises(ParameterError, match=r"a.position: is not given"):
         graph.add(FusionNode, sensors=["a"])
+    with pytest.raises(ParameterError, match="boundary_speed: is not given"):
+        graph.add(FusionNode, **{"sensors": ["a"], "a.position": [0.0, 0.0], "a.heading_deg": 0.0})

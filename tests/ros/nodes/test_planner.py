@@ -30,6 +30,7 @@ SECOND = 10**9
 SITE = {
     "sampling_interval": 1.0,
     "safety_margin": 0.5,
+    "boundary_speed": 0.0,
     "robots": ["cart"],
     "cart.radius": 0.3,
     "cart.speed": 0.5,
