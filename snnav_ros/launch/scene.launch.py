@@ -1,0 +1,71 @@
+"""All nodes of a scene as separate processes.
+
+    ros2 launch snnav_ros scene.launch.py scene:=factory
+    ros2 launch snnav_ros scene.launch.py scene:=/path/hall.yaml lockstep:=true rviz:=true
+
+Time is simulated: by the wall clock (`rate` times as fast), or in lockstep as fast as the machine can.
+"""
+
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+from launch import LaunchContext, LaunchDescription
+from snnav_sim.scene import find_scene, load_scene
+
+
+def scene_nodes(context: LaunchContext) -> list[Node]:
+    """Return the nodes of the scene that the arguments name."""
+    path = find_scene(LaunchConfiguration("scene").perform(context))
+    scene = load_scene(path)
+    lockstep = LaunchConfiguration("lockstep").perform(context).lower() in ("true", "1")
+    namespace = LaunchConfiguration("namespace").perform(context)
+    common = {"scene": str(path), "lockstep": lockstep}
+
+    def node(executable: str, name: str, **parameters: object) -> Node:
+        return Node(
+            package="snnav_ros",
+            executable=executable,
+            name=name,
+            namespace=namespace,
+            parameters=[{**common, "use_sim_time": True, **parameters}],
+            output="screen",
+            on_exit=Shutdown(reason=f"{name} ended"),
+        )
+
+    rate = float(LaunchConfiguration("rate").perform(context))
+    return [
+        *(node("lms200_node", sensor.id, sensor_id=sensor.id) for sensor in scene.sensors),
+        node("fusion_node", "fusion_node"),
+        node("planner_node", "planner_node"),
+        *(node("robot_node", robot.id, robot_id=robot.id) for robot in scene.robots),
+        node("clock_node", "clock_node", use_sim_time=False, rate=rate),
+    ]
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Return the description for `ros2 launch`."""
+    rviz = Node(
+        package="rviz2",
+        executable="rviz2",
+        arguments=["-d", PathJoinSubstitution([FindPackageShare("snnav_ros"), "rviz", "snnav.rviz"])],
+        parameters=[{"use_sim_time": True}],
+        condition=IfCondition(LaunchConfiguration("rviz")),
+    )
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument(
+                "scene", default_value="hello", description="scene file, or name of a scene"
+            ),
+            DeclareLaunchArgument(
+                "lockstep", default_value="false", description="as fast as the machine can"
+            ),
+            DeclareLaunchArgument("rate", default_value="1.0", description="simulated seconds in a second"),
+            DeclareLaunchArgument("namespace", default_value="", description="before all names"),
+            DeclareLaunchArgument("rviz", default_value="false", description="open RViz"),
+            OpaqueFunction(function=scene_nodes),
+            rviz,
+        ]
+    )

@@ -1,0 +1,107 @@
+"""The launch files, on stand-ins for `launch` where it is not installed: their nodes start with their parameters."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import types
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snnav_ros.nodes.clock import ClockNode
+from snnav_ros.nodes.fusion import FusionNode
+from snnav_ros.nodes.lms200 import Lms200Node
+from snnav_ros.nodes.planner import PlannerNode
+from snnav_ros.nodes.robot import RobotNode
+
+FOLDER = Path(__file__).parents[2] / "snnav_ros" / "launch"
+KINDS = {
+    "lms200_node": Lms200Node,
+    "fusion_node": FusionNode,
+    "planner_node": PlannerNode,
+    "robot_node": RobotNode,
+    "clock_node": ClockNode,
+}
+
+
+class Part:
+    """Any part of a launch description: keeps what it was made with."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        self.args, self.kwargs = args, kwargs
+
+    def perform(self, context: dict[str, str]) -> str:
+        return context[self.args[0]]
+
+
+@pytest.fixture
+def launch_file(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Load a launch file with stand-ins for the packages it imports."""
+    names = {
+        "launch": ("LaunchContext", "LaunchDescription"),
+        "launch.actions": ("DeclareLaunchArgument", "OpaqueFunction", "Shutdown"),
+        "launch.conditions": ("IfCondition",),
+        "launch.substitutions": ("LaunchConfiguration", "PathJoinSubstitution"),
+        "launch_ros": (),
+        "launch_ros.actions": ("Node",),
+        "launch_ros.substitutions": ("FindPackageShare",),
+    }
+    for module_name, classes in names.items():
+        module = types.ModuleType(module_name)
+        for name in classes:
+            setattr(module, name, type(name, (Part,), {}))
+        monkeypatch.setitem(sys.modules, module_name, module)
+
+    def load(name: str) -> Any:
+        spec = importlib.util.spec_from_file_location(name.replace(".", "_"), FOLDER / name)
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
+
+    return load
+
+
+def arguments_of(description: Any) -> dict[str, Any]:
+    parts = [part for part in description.args[0] if type(part).__name__ == "DeclareLaunchArgument"]
+    return {part.args[0]: part.kwargs["default_value"] for part in parts}
+
+
+@pytest.mark.parametrize("lockstep", ["false", "true"])
+def test_scene_brings_up_its_nodes(launch_file: Any, graph: Any, lockstep: str) -> None:
+    module = launch_file("scene.launch.py")
+    context = {**arguments_of(module.generate_launch_description()), "lockstep": lockstep, "rate": "50.0"}
+    nodes = module.scene_nodes(context)
+    assert [node.kwargs["name"] for node in nodes] == [
+        "lms_west", "lms_east", "fusion_node", "planner_node", "robot_1", "clock_node",
+    ]  # fmt: skip
+    made = {}
+    for node in nodes:
+        (parameters,) = node.kwargs["parameters"]
+        made[node.kwargs["name"]] = graph.add(
+            KINDS[node.kwargs["executable"]], node.kwargs["name"], **parameters
+        )
+    graph.until(lambda: made["clock_node"].time > 3.0)
+    graph.until(lambda: made["robot_1"]._base.pose.x > 1.3, "the robot to drive")
+
+
+def test_network_brings_up_fusion_planner_and_trackers(launch_file: Any) -> None:
+    module = launch_file("network.launch.py")
+    context = {
+        **arguments_of(module.generate_launch_description()),
+        "config": "site.yaml",
+        "robots": "cart_1,cart_2",
+        "remap": "/a/scan=sensors/a/scan,/b/scan=sensors/b/scan",
+    }
+    nodes = module.network_nodes(context)
+    assert [(node.kwargs["executable"], node.kwargs["name"]) for node in nodes] == [
+        ("fusion_node", "fusion_node"),
+        ("planner_node", "planner_node"),
+        ("robot_node", "cart_1"),
+        ("robot_node", "cart_2"),
+    ]
+    assert nodes[0].kwargs["parameters"] == ["site.yaml"]
+    assert nodes[0].kwargs["remappings"] == [("sensors/a/scan", "/a/scan"), ("sensors/b/scan", "/b/scan")]
