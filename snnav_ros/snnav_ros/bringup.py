@@ -21,6 +21,7 @@ from snnav_ros.recorder import RunCollector, RunProgress
 from snnav_ros.signals import noted_signals
 from snnav_sim.report.record import RunRecord
 from snnav_sim.scene import Scene, dump_scene
+from snnav_sim.warm_up import warm_up
 
 __all__ = ["BringupError", "NodePlan", "plan_nodes", "run_scene"]
 
@@ -112,6 +113,8 @@ def run_scene(
         After SIGINT or SIGTERM, once the present callback is through.
     """
     require_ros("running a scene through the nodes")
+    if realtime:
+        warm_up()  # in lockstep the compiler holds up nothing
     record = RunRecord(scene.seed if seed is None else seed)
     record.versions |= {"rclpy": version("rclpy"), "rmw": _middleware()}
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")

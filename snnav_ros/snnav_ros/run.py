@@ -6,6 +6,7 @@ import importlib
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import Any
@@ -21,9 +22,10 @@ PARENT_VARIABLE = "SNNAV_PARENT"
 """Environment variable with the process that started this one; when that is gone, the node ends."""
 
 _LONGEST_WAIT = 0.2  # [s]
+_SILENCE = 8.0  # [s]
 
 
-def run_node(module: str, name: str, args: Sequence[str] | None = None) -> int:
+def run_node(module: str, name: str, args: Sequence[str] | None = None, *, kernels: bool = False) -> int:
     """Run the node class `name` of `module` until it is told to end.
 
     Parameters
@@ -32,6 +34,9 @@ def run_node(module: str, name: str, args: Sequence[str] | None = None) -> int:
         Where the class is; it is imported here, so that a Ctrl-C during the start is clean as well.
     args : sequence of str, optional
         Arguments of the program with those of ROS, ``sys.argv`` by default.
+    kernels : bool
+        Whether the numerical kernels are made ready first, so that no step has to wait for the compiler. A bring-up
+        that starts this program has done so already.
 
     Returns
     -------
@@ -43,6 +48,8 @@ def run_node(module: str, name: str, args: Sequence[str] | None = None) -> int:
     arguments = sys.argv if args is None else ["", *args]
     try:
         check_parameter_files(arguments)
+        if kernels and PARENT_VARIABLE not in os.environ:
+            _prepare_kernels(name)
         return _run(module, name, arguments)
     except _ToldToEnd:
         return 0
@@ -60,6 +67,20 @@ class _ToldToEnd(BaseException):
 
 def _raise(*_: Any) -> None:
     raise _ToldToEnd
+
+
+def _prepare_kernels(name: str) -> None:
+    """Load the kernels, or compile them: that takes a while once, and is said then."""
+    note = f"{name}: compiling the numerical kernels, once; this takes up to a minute"
+    timer = threading.Timer(_SILENCE, lambda: print(note, file=sys.stderr, flush=True))
+    timer.daemon = True
+    timer.start()
+    try:
+        from snnav_sim.warm_up import warm_up
+
+        warm_up()
+    finally:
+        timer.cancel()
 
 
 def _run(module: str, name: str, arguments: Sequence[str]) -> int:

@@ -12,7 +12,7 @@ __all__ = ["main"]
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node until it is told to end; return the exit status."""
-    return run_node("snnav_ros.nodes.fusion", "FusionNode", args)
+    return run_node("snnav_ros.nodes.fusion", "FusionNode", args, kernels=True)
 
 
 if __name__ == "__main__":
