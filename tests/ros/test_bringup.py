@@ -131,12 +131,12 @@ def test_signal_ends_a_run_and_leaves_nothing(number: int, processes: bool, tmp_
         if now >= 1.0:
             os.kill(os.getpid(), number)
 
-    before = signal.getsignal(number)
+    before, children = signal.getsignal(number), children_of(os.getpid())
     with pytest.raises(KeyboardInterrupt):
         run_scene(HELLO, processes=processes, bag=tmp_path / "bag", progress=interrupt)
     assert signal.getsignal(number) is before
     assert not list(tmp_path.iterdir())
-    assert children_of(os.getpid()) == []
+    assert children_of(os.getpid()) == children
 
 
 def children_of(parent: int) -> list[int]:
@@ -175,11 +175,12 @@ def test_run_with_a_process_that_dies_is_an_error(monkeypatch: pytest.MonkeyPatc
         )
 
     monkeypatch.setattr(ChildProcesses, "start", broken)
+    children = children_of(os.getpid())
     with pytest.raises(
         BringupError, match=r"fusion_node ended with status 2: .*did you mean sampling_interval"
     ):
         run_scene(HELLO, processes=True)
-    assert children_of(os.getpid()) == []
+    assert children_of(os.getpid()) == children
 
 
 def test_domains_are_held_and_given_back(monkeypatch: pytest.MonkeyPatch) -> None:
