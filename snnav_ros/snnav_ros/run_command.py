@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import math
 import tempfile
 import time as clock
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from snnav_core.errors import InvalidInput
 from snnav_ros.available import require_ros
+from snnav_ros.run_display import make_console, run_display
 from snnav_sim.report.record import RunRecord
 from snnav_sim.scene import Scene, find_scene, list_scenes, load_scene
 
 __all__ = ["add_parsers"]
-
-_PLAIN_WIDTH = 120  # columns when the output is no terminal
-_PLAIN_PERIOD = 5.0  # [s] from line to line then
 
 
 def add_parsers(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -60,7 +54,7 @@ def _scenes(_: argparse.Namespace) -> int:
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     for name, description in list_scenes().items():
         table.add_row(f"[bold]{name}[/bold]", description)
-    _console().print(table)
+    make_console().print(table)
     return 0
 
 
@@ -75,9 +69,10 @@ def _run(arguments: argparse.Namespace) -> int:
         require_ros("`snnav run` without --core")
     directory = arguments.out or Path("runs") / f"{scene.name}-{clock.strftime('%Y%m%d-%H%M%S')}"
     check_run_directory(directory)
-    console = _console()
-    with _workplace(directory) as workplace, _progress(console, scene) as show:
-        record, attachments = _carry_out(scene, arguments, workplace, show)
+    console = make_console()
+    with _workplace(directory) as workplace, run_display(console, scene) as display:
+        record, attachments = _carry_out(scene, arguments, workplace, display.show)
+        display.evaluate()
         metrics = write_run_directory(
             directory, scene, record, attachments=attachments, figures=not arguments.no_figures
         )
@@ -124,50 +119,3 @@ def _workplace(directory: Path) -> Iterator[Path]:
         ) from None
     with workplace as name:
         yield Path(name)
-
-
-def _console() -> Console:
-    console = Console()
-    return console if console.is_terminal else Console(width=_PLAIN_WIDTH)
-
-
-@contextmanager
-def _progress(console: Console, scene: Scene) -> Iterator[Callable[[float, RunRecord], None]]:
-    """Show simulated time and how far the robots have to go: a bar on a terminal, else a line now and then."""
-    if not console.is_terminal:
-        last = -math.inf
-
-        def tell(time: float, record: RunRecord) -> None:
-            nonlocal last
-            if clock.monotonic() - last >= _PLAIN_PERIOD:
-                last = clock.monotonic()
-                console.print(f"{time:7.1f} s  {_distances(scene, record)}", highlight=False)
-
-        yield tell
-        return
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.fields[time]:.1f} s  {task.fields[distances]}"),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=console, transient=True) as bar:
-        whole = sum(math.dist(robot.start, robot.target) for robot in scene.robots)
-        task: Any = bar.add_task(scene.name, total=whole or 1.0, time=0.0, distances="starting")
-
-        def show(time: float, record: RunRecord) -> None:
-            rest = sum(_to_go(scene, record).values())
-            bar.update(task, completed=max(0.0, whole - rest), time=time, distances=_distances(scene, record))
-
-        yield show
-
-
-def _to_go(scene: Scene, record: RunRecord) -> dict[str, float]:
-    """Return how far every robot is from its target [m]."""
-    where = {robot.id: robot.start for robot in scene.robots}
-    where |= {name: (rows[-1][1], rows[-1][2]) for name, rows in record.samples.items() if rows}
-    return {robot.id: math.dist(where[robot.id], robot.target) for robot in scene.robots}
-
-
-def _distances(scene: Scene, record: RunRecord) -> str:
-    return ", ".join(f"{name} {distance:.1f} m" for name, distance in _to_go(scene, record).items())
