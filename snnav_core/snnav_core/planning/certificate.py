@@ -152,7 +152,8 @@ def certify(
     Notes
     -----
     Deviations: segments instead of points (C0-7). When the robot itself stands closer than d_s (C3-13), the demand is
-    lowered to its present distance: the path must lead away, never closer, and what it has gained it keeps.
+    lowered to its present distance: the path must lead away, never closer, and what it has gained it keeps. In the
+    first interval it is lowered so for every robot: what comes no nearer is as safe as stopping, and must be allowed.
     """
     check = _Check(path, robot, pose, boundary, others, settings)
     radius = check.least_radius()
@@ -293,6 +294,8 @@ class _Check:
         if present < settings.safety_margin:
             reached = np.maximum.accumulate(self.distances >= demanded)
             demanded = np.where(reached, demanded, np.minimum(demanded, self._least()))
+        soon = self.times <= settings.sampling_interval + 1e-9
+        demanded[soon] = np.minimum(demanded[soon], present)
         # The first piece starts at the robot itself, which no path can change.
         first = settings.boundary_speed * self.times[0] + tolerance[0]
         demanded[0] = min(demanded[0], max(settings.safety_margin, present - first))

@@ -117,10 +117,23 @@ def test_the_window_is_shortened_to_whole_intervals_where_the_margin_holds(speed
 
 
 def test_less_than_one_interval_is_not_enough() -> None:
-    corridor = shapely.box(-5.0, -2.0, 40.0, 2.0)
-    certificate = check(straight(), corridor, boundary_speed=1.2, least_window=1)
-    assert refused(certificate, "demanded 2.0")
+    narrowing = shapely.Polygon([(-5, -2.5), (40, 2.0), (40, 9), (-5, 9)])
+    certificate = check(straight(), narrowing, boundary_speed=1.2, least_window=1)
+    assert refused(certificate, "demanded 1.9")
     assert certificate.valid_until == START
+
+
+def test_in_the_first_interval_coming_no_nearer_is_as_good_as_standing() -> None:
+    """Else a robot within V_max delta of its margin could neither drive away nor turn on the spot."""
+    beside = shapely.box(-5.0, -1.2, 40.0, 20.0)
+    turn = TimedPath(START, STEP, np.zeros((9, 2)), turn_to=2.0)
+    for path in (straight(), turn):
+        certificate = check(path, beside, boundary_speed=0.5, least_window=1)
+        assert certificate.accepted
+        assert certificate.valid_until == START + 1.0
+        assert not check(path, beside, boundary_speed=0.5, least_window=2).accepted
+    nearer = straight() - (0.0, 0.001) * np.arange(21)[:, None]
+    assert not check(nearer, beside, boundary_speed=0.5, least_window=1).accepted
 
 
 def test_beyond_the_certified_window_the_path_still_keeps_the_margin_to_what_is_known() -> None:
@@ -338,6 +351,7 @@ def test_what_dense_sampling_refutes_is_never_accepted_and_the_converse(
     assume(distance[0] >= 1.0)
     piece = STEP / PIECES_PER_LINK if speed > 0.0 else STEP
     demand = 1.0 + speed * np.where(times > piece, times, 0.0)
+    demand[times <= 1.0] = np.minimum(demand[times <= 1.0], distance[0])
     if certificate.accepted:
         proved = times <= certificate.valid_until - START + 1e-9
         assert (distance[proved] >= demand[proved] - 1e-6).all()
@@ -363,7 +377,10 @@ def test_an_accepted_path_moved_nearer_by_more_than_its_reserve_is_refused(
     nearest = np.array(shapely.shortest_line(here, region.boundary).coords[1])
     gap = nearest - points[moved]
     distance = float(np.linalg.norm(gap))
-    reserve = max(distance - (1.0 + speed * STEP * moved), 0.0)
+    demanded = 1.0 + speed * STEP * moved
+    if STEP * moved <= 1.0:
+        demanded = min(demanded, float(shapely.distance(shapely.Point(points[0]), region.boundary)))
+    reserve = max(distance - demanded, 0.0)
     assume(reserve + excess < distance)
     nearer = points.copy()
     nearer[moved] += gap / distance * (reserve + excess)
