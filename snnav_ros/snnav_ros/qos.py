@@ -6,6 +6,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 __all__ = [
     "CLOCK",
+    "CLOCK_INPUT",
     "COMMAND",
     "DIAGNOSTICS",
     "DONE_INBOX",
@@ -46,6 +47,7 @@ RECORDED = _profile(100)
 """What the recorder of a run hears in real time, scans excepted."""
 
 CLOCK = _profile(1)
+CLOCK_INPUT = _profile(1, reliable=False)
 """`/clock` free running; subscribers ask for best effort."""
 
 LOCKSTEP = _profile(10, latched=True)

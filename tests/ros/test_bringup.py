@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from snnav_core.types import StopReason
+from snnav_ros.available import make_executor
 from snnav_ros.bag.reader import BagReader
 from snnav_ros.bringup import BringupError, run_scene
 from snnav_ros.domain import free_domain
@@ -47,6 +48,19 @@ def test_same_seed_same_paths_with_and_without_ros(scene: Scene) -> None:
     assert first.versions["rmw"].startswith("rmw_")
 
 
+def test_other_executor_gives_the_same_paths(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = replace(HELLO, time_limit=3.0)
+    first = run_scene(scene)
+    monkeypatch.setattr("rclpy.experimental.EventsExecutor", None)
+    monkeypatch.delattr("rclpy.experimental.EventsExecutor")
+    made = []
+    monkeypatch.setattr(
+        "snnav_ros.bringup.make_executor", lambda context: made.append(make_executor(context)) or made[-1]
+    )
+    assert same_run(run_scene(scene), first)
+    assert type(made[0]).__name__ == "SingleThreadedExecutor"
+
+
 def test_another_seed_gives_other_paths() -> None:
     first, second = run_scene(HELLO), run_scene(HELLO, seed=HELLO.seed + 1)
     assert (first.seed, second.seed) == (1, 2)
@@ -59,16 +73,23 @@ def test_separate_processes_give_the_same_paths() -> None:
     assert same_run(run_scene(scene, processes=True), run_scene(scene))
 
 
-def test_real_time_goes_by_the_wall_and_arrives() -> None:
+def test_real_time_goes_by_the_wall_and_arrives(tmp_path: Path) -> None:
     (robot,) = HELLO.robots
     scene = replace(HELLO, robots=(replace(robot, target=(3.2, 3.0)),))
     begin = time.monotonic()
-    record = run_scene(scene, realtime=True)
+    record = run_scene(scene, realtime=True, bag=tmp_path / "bag")
     assert record.reason == "all robots arrived"
     end = record.trajectory("robot_1")[-1]
     assert time.monotonic() - begin >= end[0] - 0.1
     assert np.hypot(end[1] - 3.2, end[2] - 3.0) < 0.4
     assert any(decision.path is not None for decision in record.decisions)
+    with BagReader(tmp_path / "bag") as bag:
+        assert {
+            "/clock",
+            "/robot_1/cmd_vel",
+            "/sensors/lms_west/scan",
+            "/unoccupied_area",
+        } <= bag.topics.keys()
 
 
 def test_bag_holds_every_topic(tmp_path: Path) -> None:

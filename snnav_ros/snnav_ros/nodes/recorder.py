@@ -13,11 +13,11 @@ from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan, PointCloud2
 
-from snnav_ros.convert import MAP_FRAME, nanoseconds, stamp_message
+from snnav_ros.convert import MAP_FRAME, nanoseconds, nanoseconds_from_stamp, stamp_message
 from snnav_ros.convert.frames import header
 from snnav_ros.lockstep import Participant
 from snnav_ros.nodes.base import NodeOptions
-from snnav_ros.qos import COMMAND, LATCHED, RECORDED, SENSOR, for_mode
+from snnav_ros.qos import CLOCK_INPUT, COMMAND, LATCHED, RECORDED, SENSOR, for_mode
 from snnav_ros.recorder import RunCollector
 from snnav_sim.scene_types import RobotScene, Scene
 
@@ -53,7 +53,9 @@ class RecorderNode(Node):
                 DiagnosticStatus, f"{name}/certificate", partial(collector.take_verdict, name), recorded
             )
             self._say_goal(robot)
-        if lockstep:
+        if not lockstep:
+            self._hear(Clock, "/clock", self._take_clock, CLOCK_INPUT)
+        else:
             self._participant = Participant(
                 self, nanoseconds(scene.control_period), self._on_tick, lambda: None
             )
@@ -79,6 +81,9 @@ class RecorderNode(Node):
         if tick is None:
             return "/clock"
         return ", ".join(self._collector.missing(tick, tick % self._sample_ns == 0))
+
+    def _take_clock(self, topic: str, message: Clock) -> None:
+        self._collector.write(topic, message, nanoseconds_from_stamp(message.clock))
 
     def _on_tick(self, tick: int) -> None:
         self._collector.write("/clock", Clock(clock=stamp_message(tick)), tick)
