@@ -54,9 +54,12 @@ class NodePlan:
     parameters: Mapping[str, Any]
 
 
-def plan_nodes(scene: Scene, scene_file: Path, *, realtime: bool, seed: int) -> list[NodePlan]:
+def plan_nodes(
+    scene: Scene, scene_file: Path, *, realtime: bool, processes: bool, seed: int
+) -> list[NodePlan]:
     """Return the nodes that a scene needs, the clock last."""
-    common = {"scene": str(scene_file), "lockstep": not realtime, "use_sim_time": True}
+    # In lockstep a node goes by ticks; its own clock of ROS would hear every one of them once more.
+    common = {"scene": str(scene_file), "lockstep": not realtime, "use_sim_time": realtime or processes}
     plans = [
         NodePlan(sensor.id, "lms200", "Lms200Node", {**common, "sensor_id": sensor.id, "seed": seed})
         for sensor in scene.sensors
@@ -126,7 +129,7 @@ def run_scene(
         scene_file.write_text(dump_scene(scene), encoding="utf-8")
         writer = None if bag is None else stack.enter_context(BagWriter(bag))
         collector = RunCollector(scene, record, writer, not realtime, progress)
-        plans = plan_nodes(scene, scene_file, realtime=realtime, seed=record.seed)
+        plans = plan_nodes(scene, scene_file, realtime=realtime, processes=processes, seed=record.seed)
         children = None
         if processes:
             children = stack.enter_context(ChildProcesses(folder, domain))
@@ -191,9 +194,7 @@ def _add_nodes(
         stack.callback(node.destroy_node)
         executor.add_node(node)
 
-    recorder_parameters = {"use_sim_time": not lockstep}
-    options = NodeOptions(parameters=recorder_parameters, context=context, lean=True)
-    recorder = RecorderNode(options, scene, collector, lockstep)
+    recorder = RecorderNode(NodeOptions(context=context, lean=True), scene, collector, lockstep)
     add(recorder)
     for plan in plans:
         set_logger_level(plan.name, LoggingSeverity.WARN)
