@@ -79,6 +79,11 @@ class GroundNavigator:
         StepResult
             For every robot a path whose certificate is accepted, or a stop with reason and message.
 
+        Raises
+        ------
+        InvalidInput
+            If the time is not finite.
+
         Notes
         -----
         Deviations: the last path is adjusted again first and replaced only by one shorter by `switch_gain` (C3-26);
@@ -86,6 +91,8 @@ class GroundNavigator:
         that cannot leave along its heading turns on the spot. Others are moving disks along their own paths, each
         planned around those before it (C3-2, C4-10).
         """
+        if not math.isfinite(time):
+            raise InvalidInput(f"time of the decision is {time}, must be finite; stop the robots")
         if time < self._time:
             self.reset()
         self._time = time
@@ -104,14 +111,13 @@ class GroundNavigator:
 
     def _aged(self, area: UnoccupiedArea, time: float) -> UnoccupiedArea:
         """The part of an older area that is free for sure at `time` [s]; nothing when it is older than the window."""
-        age = time - area.stamp
+        age, interval = time - area.stamp, self.settings.sampling_interval
+        if not -interval <= age <= self.settings.time_window * interval:
+            return UnoccupiedArea(area.stamp, MultiPolygon(), area.contradictions)
         if age <= _TIME_TOLERANCE:
             return area
-        if age > self.settings.time_window * self.settings.sampling_interval:
-            return UnoccupiedArea(time, MultiPolygon(), area.contradictions)
-        return UnoccupiedArea(
-            time, shrink(area.region, age * self.settings.boundary_speed), area.contradictions
-        )
+        region = shrink(area.region, age * self.settings.boundary_speed)
+        return UnoccupiedArea(area.stamp, region, area.contradictions)
 
     def _update_context(self, area: UnoccupiedArea) -> None:
         fresh = AreaContext(area, self.settings.simplification)
@@ -164,7 +170,8 @@ class GroundNavigator:
                 robot.id, StopReason.NO_GOAL, f"goal {goal} of robot {robot.id} is not finite; set another"
             )
         if context.area.is_empty:
-            return Stop(robot.id, StopReason.NO_AREA, "nothing is known to be free; check the sensors")
+            message = f"nothing is known to be free by the area stamped {context.area.stamp:.2f} s; check the sensors"
+            return Stop(robot.id, StopReason.NO_AREA, message)
         memory = self._memory.get(robot.id)
         if memory is None or memory.goal != goal:
             memory = RobotMemory(goal, np.array(goal, dtype=np.float64))
@@ -182,8 +189,8 @@ class GroundNavigator:
     def _state_fault(self, time: float, state: RobotState | None) -> str:
         """Why a measured state cannot be used, or an empty string."""
         if state is None:
-            return "was never measured"
-        if time - state.stamp > self.settings.sampling_interval + _TIME_TOLERANCE:
+            return "is missing"
+        if not abs(time - state.stamp) <= self.settings.sampling_interval + _TIME_TOLERANCE:
             return f"was measured {time - state.stamp:.2f} s ago"
         pose = state.pose
         if not all(math.isfinite(value) for value in (pose.x, pose.y, pose.heading)):
