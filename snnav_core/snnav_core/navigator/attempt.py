@@ -102,10 +102,16 @@ class Attempt:
             times: FloatArray = self.time + self.distances.step * steps
             centres = other.path.positions_at(times)[:, :2]
             distance = math.hypot(other.radius + clearance, 0.5 * link + 0.5 * _longest_link(centres))
-            barriers.append(DiskBarrier(centres, distance))
+            # Robots that stand nearer part at half the speed; they are not torn apart.
+            barriers.append(DiskBarrier(centres, np.minimum(distance, self.gap(other) + 0.5 * link * steps)))
         barriers.append(CircleBarrier(opposite.centre, opposite.radius, math.ceil(around / 4)))
         barriers.append(CircleBarrier(own.centre, own.radius, around))
         return barriers
+
+    def gap(self, other: OtherRobot) -> float:
+        """Present distance between the centres of this and another robot [m]."""
+        centre = other.path.positions_at(np.array([self.time]))[0, :2]
+        return float(np.linalg.norm(centre - self.pose.position))
 
     def kept(self, chain: FloatArray) -> PlannedPath:
         """The rest of an earlier path (N, 2) [m, map], from the robot on, as it is."""

@@ -205,13 +205,16 @@ def _stop_for(error: PlanningError, attempt: Attempt, goal: FloatArray, disks: D
 
 
 def _standing(attempt: Attempt) -> Disks:
-    """Disks that candidates go around: standing robots, with the margin and the reserve."""
+    """Disks that candidates go around: standing robots, with the margin and the reserve; never around this robot."""
     clearance = attempt.distances.least + attempt.distances.reserve
     disks = []
     for other in attempt.others:
         if _stands(other, attempt.time):
             x, y = other.path.points[-1, :2]
-            disks.append((float(x), float(y), other.radius + clearance))
+            # The removed polygon is up to 1.1 % larger than the disk.
+            disks.append(
+                (float(x), float(y), min(other.radius + clearance, 0.98 * attempt.gap(other) - 1e-3))
+            )
     return tuple(disks)
 
 

@@ -163,12 +163,12 @@ class DiskBarrier:
     ----------
     centres : ndarray, shape (K, D)
         Position of the other robot at the times of p_1, p_2, ... [m]; it stays at the last one.
-    distance : float
-        Distance that the centres keep [m].
+    distances : ndarray, shape (K,)
+        Distance that the centres keep at these times [m].
     """
 
     centres: FloatArray
-    distance: float
+    distances: FloatArray
 
     def reset(self) -> None:
         """Nothing is cached."""
@@ -179,4 +179,4 @@ class DiskBarrier:
         offset = points - self.centres[index]
         distance = np.sqrt(np.einsum("ij,ij->i", offset, offset))
         gradient = offset / np.maximum(distance, _TINY)[:, None]
-        return self.distance - distance, gradient
+        return self.distances[index] - distance, gradient

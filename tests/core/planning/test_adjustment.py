@@ -185,7 +185,7 @@ def test_several_barriers_hold_together() -> None:
     other = np.column_stack((np.full(60, 6.0), 3.0 - 0.1 * np.arange(60)))
     barriers = [
         BoundaryBarrier(query, np.array([0.5])),
-        DiskBarrier(other, 0.6),
+        DiskBarrier(other, np.full(60, 0.6)),
         CircleBarrier(np.array([0.0, 1.0]), 1.0, 20),
     ]
     points = resample(np.array([[0.0, 0.0], [4.0, -1.5], [8.0, 0.0]]), 0.25)
@@ -201,7 +201,7 @@ def test_the_loop_always_ends_within_its_bounds(seed: int, max_passes: int, max_
     generator = np.random.default_rng(seed)
     points = generator.normal(0.0, 3.0, (int(generator.integers(1, 12)), 2))
     target = generator.normal(0.0, 30.0, 2)
-    barriers = [BoundaryBarrier(corridor(0.5), np.array([0.7])), DiskBarrier(np.zeros((1, 2)), 1.0)]
+    barriers = [BoundaryBarrier(corridor(0.5), np.array([0.7])), DiskBarrier(np.zeros((1, 2)), np.ones(1))]
     result = adjust(points, target, 0.3, barriers, SETTINGS, max_passes, max_points)
     assert result.passes <= max_passes
     assert len(result.points) <= max(max_points + 2, len(points) + 1)

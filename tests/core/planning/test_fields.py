@@ -56,9 +56,9 @@ def test_the_circle_barrier_holds_for_the_first_points_only() -> None:
 
 
 def test_the_disk_barrier_moves_with_the_other_robot_and_stays_at_its_end() -> None:
-    barrier = DiskBarrier(np.array([[0.0, 0.0], [1.0, 0.0]]), 1.5)
+    barrier = DiskBarrier(np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([1.2, 1.5]))
     depth, outward = barrier.violation(np.array([[0.0, 1.0], [1.0, -1.0], [3.0, 0.0], [1.0, 0.0]]))
-    np.testing.assert_allclose(depth, [0.5, 0.5, -0.5, 1.5])
+    np.testing.assert_allclose(depth, [0.2, 0.5, -0.5, 1.5])
     np.testing.assert_allclose(outward[:3], [[0.0, 1.0], [0.0, -1.0], [1.0, 0.0]])
     assert np.isfinite(outward).all()
 
@@ -77,7 +77,7 @@ def test_the_fields_turn_with_the_map(seed: int, angle: float, links: int) -> No
     np.testing.assert_allclose(turned, plain @ turn.T, atol=1e-9)
     pull = pull_field(points[-1], target, 0.1)
     np.testing.assert_allclose(pull_field(moved(points)[-1], moved(target), 0.1), turn @ pull, atol=1e-9)
-    for make in (lambda at: CircleBarrier(at, 1.5, links), lambda at: DiskBarrier(at[None], 1.5)):
+    for make in (lambda at: CircleBarrier(at, 1.5, links), lambda at: DiskBarrier(at[None], np.array([1.5]))):
         depth, outward = make(centre).violation(points[1:])
         depth_turned, outward_turned = make(moved(centre)).violation(moved(points[1:]))
         np.testing.assert_allclose(depth_turned, depth, atol=1e-9)
@@ -112,6 +112,6 @@ def test_the_fields_take_points_of_the_plane_and_of_space(dimension: int) -> Non
     points = np.random.default_rng(0).normal(size=(6, dimension))
     assert interval_field(points, 1.0, 0.4).shape == (5, dimension)
     assert pull_field(points[-1], points[0], 0.1).shape == (dimension,)
-    for barrier in (CircleBarrier(points[0], 1.0, 3), DiskBarrier(points[:2], 1.0)):
+    for barrier in (CircleBarrier(points[0], 1.0, 3), DiskBarrier(points[:2], np.ones(2))):
         depth, outward = barrier.violation(points)
         assert (depth.shape, outward.shape) == ((6,), (6, dimension))
