@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import tempfile
 import time
@@ -183,8 +184,6 @@ def _add_nodes(
     lockstep: bool,
 ) -> Any:
     """Make the planned nodes and the recorder, and return this; they are destroyed when the stack unwinds."""
-    import importlib
-
     from rclpy.logging import LoggingSeverity, set_logger_level
 
     from snnav_ros.nodes.base import NodeOptions
@@ -198,6 +197,7 @@ def _add_nodes(
     add(recorder)
     for plan in plans:
         set_logger_level(plan.name, LoggingSeverity.WARN)
+        stack.callback(set_logger_level, plan.name, LoggingSeverity.UNSET)
         node_class = getattr(importlib.import_module(f"snnav_ros.nodes.{plan.module}"), plan.class_name)
         add(node_class(NodeOptions(plan.name, plan.parameters, context, lean=True)))
     return recorder
