@@ -1,11 +1,14 @@
-"""The tables of parameters in docs/interfaces.md: ``python -m snnav_ros.parameter_tables`` prints them."""
+"""The tables of parameters: ``python -m snnav_ros.parameter_tables docs/interfaces.md`` renews them there."""
 
 from __future__ import annotations
 
 import math
+import re
+import sys
+from pathlib import Path
 from typing import Any
 
-__all__ = ["parameter_table", "parameter_tables"]
+__all__ = ["parameter_table", "parameter_tables", "replaced"]
 
 _SENSOR, _ROBOT = "lms_1", "robot_1"
 
@@ -91,14 +94,26 @@ def _range(descriptor: Any) -> str:
     return ""
 
 
-def _print() -> None:
+def replaced(text: str, tables: dict[str, str]) -> str:
+    """Return a Markdown text with the table below the heading of every node replaced."""
+    for name, table in tables.items():
+        pattern = re.compile(rf"(^### {name}\n\n)(?:\|.*\n)*", re.MULTILINE)
+        text = pattern.sub(lambda match, table=table: f"{match.group(1)}{table}\n", text)
+    return text
+
+
+def main() -> None:
+    """Print the tables, or put them into the files that are named as arguments."""
     import rclpy
 
     rclpy.init(args=[])
-    for name, table in parameter_tables().items():
-        print(f"### {name}\n\n{table}\n")
+    tables = parameter_tables()
     rclpy.try_shutdown()
+    for path in map(Path, sys.argv[1:]):
+        path.write_text(replaced(path.read_text(encoding="utf-8"), tables), encoding="utf-8")
+    if not sys.argv[1:]:
+        print("\n\n".join(f"### {name}\n\n{table}" for name, table in tables.items()))
 
 
 if __name__ == "__main__":
-    _print()
+    main()
