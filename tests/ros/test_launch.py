@@ -88,11 +88,13 @@ def test_scene_brings_up_its_nodes(launch_file: Any, graph: Any, lockstep: str) 
     graph.until(lambda: made["robot_1"]._base.pose.x > 1.3, "the robot to drive")
 
 
-def test_network_brings_up_fusion_planner_and_trackers(launch_file: Any) -> None:
+def test_network_brings_up_fusion_planner_and_trackers(launch_file: Any, tmp_path: Path) -> None:
+    config = tmp_path / "site.yaml"
+    config.write_text("{}", encoding="utf-8")
     module = launch_file("network.launch.py")
     context = {
         **arguments_of(module.generate_launch_description()),
-        "config": "site.yaml",
+        "config": str(config),
         "robots": "cart_1,cart_2",
         "remap": "/a/scan=sensors/a/scan,/b/scan=sensors/b/scan",
     }
@@ -103,5 +105,5 @@ def test_network_brings_up_fusion_planner_and_trackers(launch_file: Any) -> None
         ("robot_node", "cart_1"),
         ("robot_node", "cart_2"),
     ]
-    assert nodes[0].kwargs["parameters"] == ["site.yaml"]
+    assert nodes[0].kwargs["parameters"] == [str(config)]
     assert nodes[0].kwargs["remappings"] == [("sensors/a/scan", "/a/scan"), ("sensors/b/scan", "/b/scan")]
