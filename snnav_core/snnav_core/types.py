@@ -213,6 +213,9 @@ class PathSource(Enum):
     TANGENT_GRAPH = "tangent_graph"  # the six rules of Ch. 3
     SHORTEST_PATH = "shortest_path"  # the complete fallback over the reduced area
     TURN_IN_PLACE = "turn_in_place"  # the robot stands and turns towards a path
+    STRAIGHT_LEG = (
+        "straight_leg"  # to the next bend of a way too tight for the turning radius, to stop and turn there
+    )
     LAST_PATH = "last_path"  # the last certified path, followed inside its window
 
 

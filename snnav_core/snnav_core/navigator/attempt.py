@@ -11,8 +11,9 @@ import numpy as np
 from snnav_core.navigator.context import AreaContext
 from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
 from snnav_core.planning.adjustment import adjust, resample
-from snnav_core.planning.certificate import OtherRobot, certify
+from snnav_core.planning.certificate import certify
 from snnav_core.planning.fields import Barrier, BoundaryBarrier, CircleBarrier, DiskBarrier
+from snnav_core.planning.separation import OtherRobot, stops_within
 from snnav_core.planning.shortest import initial_circles
 from snnav_core.types import Certificate, FloatArray, PathSource, PlannedPath, Pose2D, RobotSpec, TimedPath
 
@@ -96,28 +97,36 @@ class Attempt:
         own, opposite = (left, right) if rotation > 0 else (right, left)
         around = math.ceil(2.0 * math.pi * radius / link)
         barriers: list[Barrier] = [BoundaryBarrier(self.context.area.clearance_field.query, margins)]
-        clearance = self.settings.safety_margin + self.distances.reserve
         for other in self.others:
-            steps = np.arange(1, self.distances.window_points + 1, dtype=np.float64)
-            times: FloatArray = self.time + self.distances.step * steps
-            centres = other.path.positions_at(times)[:, :2]
-            distance = math.hypot(other.radius + clearance, 0.5 * link + 0.5 * _longest_link(centres))
-            # Robots that stand nearer part at half the speed; they are not torn apart.
-            barriers.append(DiskBarrier(centres, np.minimum(distance, self.gap(other) + 0.5 * link * steps)))
+            barriers.append(self._disk(other, other.path, self.distances.window_points))
+            if self.gap(other) < other.radius + self.settings.safety_margin + 3.0 * self.distances.stride:
+                stops = stops_within(other.path, self.time, self.time + self.settings.sampling_interval)
+                barriers += [self._disk(other, stopped, self.distances.parts) for stopped in stops]
         barriers.append(CircleBarrier(opposite.centre, opposite.radius, math.ceil(around / 4)))
         barriers.append(CircleBarrier(own.centre, own.radius, around))
         return barriers
+
+    def _disk(self, other: OtherRobot, path: TimedPath, count: int) -> DiskBarrier:
+        """Another robot on its path; for a stop on its way only the first `count` points keep away."""
+        link, whole = self.distances.link, count == self.distances.window_points
+        steps = np.arange(1, count + 1, dtype=np.float64)
+        centres = path.positions_at(self.time + self.distances.step * steps)[:, :2]
+        clearance = self.settings.safety_margin + self.distances.reserve
+        distance = math.hypot(other.radius + clearance, 0.5 * link + 0.5 * _longest_link(centres))
+        # Robots that stand nearer part at half the speed; they are not torn apart.
+        demanded = np.minimum(distance, self.gap(other) + 0.5 * link * steps)
+        if whole:
+            return DiskBarrier(centres, demanded)
+        return DiskBarrier(np.vstack((centres, centres[-1:])), np.append(demanded, -math.inf))
 
     def gap(self, other: OtherRobot) -> float:
         """Present distance between the centres of this and another robot [m]."""
         centre = other.path.positions_at(np.array([self.time]))[0, :2]
         return float(np.linalg.norm(centre - self.pose.position))
 
-    def kept(self, chain: FloatArray) -> PlannedPath:
-        """The rest of an earlier path (N, 2) [m, map], from the robot on, as it is."""
-        return self.planned(
-            TimedPath(self.time, self.distances.step, self._evenly(chain)), PathSource.LAST_PATH
-        )
+    def along(self, chain: FloatArray, source: PathSource) -> PlannedPath:
+        """A path along a chain (N, 2) [m, map] that starts at the robot, as it is."""
+        return self.planned(TimedPath(self.time, self.distances.step, self._evenly(chain)), source)
 
     def planned(self, path: TimedPath, source: PathSource) -> PlannedPath:
         """Attach the certificate to a path."""

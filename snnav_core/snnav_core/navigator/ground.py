@@ -15,7 +15,7 @@ from snnav_core.navigator.attempt import Attempt
 from snnav_core.navigator.context import AreaContext
 from snnav_core.navigator.robot_planner import RobotMemory, plan_robot
 from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
-from snnav_core.planning.certificate import OtherRobot, separation_fault
+from snnav_core.planning.separation import OtherRobot, separation
 from snnav_core.types import PlannedPath, RobotSpec, RobotState, StepResult, Stop, StopReason, TimedPath
 
 __all__ = ["GroundNavigator"]
@@ -146,7 +146,8 @@ class GroundNavigator:
             else:
                 path = TimedPath(time, self._distances[other].step, state.pose.position[None])
             radius = max(robot.radius, self.robots[name].radius)
-            others.append(OtherRobot(other, radius, path))
+            parked = plan is None and (memory is None or memory.arrived)
+            others.append(OtherRobot(other, radius, path, parked))
         return others
 
     def _decide(
@@ -199,7 +200,8 @@ class GroundNavigator:
 
     def _settle(self, time: float, decisions: dict[str, PlannedPath | Stop]) -> None:
         """Stop robots whose paths no longer agree with what others decided after them, until all agree."""
-        end = time + self.settings.time_window * self.settings.sampling_interval
+        margin, interval = self.settings.safety_margin, self.settings.sampling_interval
+        end = time + self.settings.time_window * interval
         changed = True
         while changed:
             changed = False
@@ -208,7 +210,7 @@ class GroundNavigator:
                     continue
                 others = self._others(name, time, decisions)
                 until = min(end, decision.certificate.valid_until)
-                least, fault = separation_fault(decision.path, others, until, self.settings.safety_margin)
+                _, least, fault = separation(decision.path, others, until, margin, interval)
                 if fault:
                     decisions[name] = Stop(name, StopReason.BLOCKED_BY_ROBOT, f"robot {name} waits: {fault}")
                     changed = True

@@ -10,9 +10,9 @@ import numpy as np
 from snnav_core.errors import GoalBlocked, GoalUnreachable, PlanningError, StartBlocked
 from snnav_core.navigator.attempt import Attempt, margin_profiles
 from snnav_core.navigator.context import Disks
-from snnav_core.navigator.search import Route, find_route, route_candidates, turn_heading
+from snnav_core.navigator.search import Route, find_route, next_corner, route_candidates
 from snnav_core.planning.adjustment import resample
-from snnav_core.planning.certificate import OtherRobot
+from snnav_core.planning.separation import OtherRobot
 from snnav_core.types import (
     FloatArray,
     PathSource,
@@ -26,6 +26,9 @@ from snnav_core.types import (
 __all__ = ["RobotMemory", "plan_robot"]
 
 _ALIGNED = 0.02  # a turn by less than this [rad] brings nothing
+_RETRY = 2  # a fruitless search is repeated every so many steps while things change
+_DETOUR = 1.2  # a path certified for a part of the window is left for one at most so much longer ...
+_LEAST_PATIENCE = 2  # ... unless fewer than so many sampling intervals are left
 
 _REASONS: dict[type[PlanningError], StopReason] = {
     StartBlocked: StopReason.START_BLOCKED,
@@ -84,16 +87,22 @@ def plan_robot(
     if memory.plan is not None:
         attempt = replace(attempt, planning_distance=memory.plan.planning_distance)
     best, memory = _warm(attempt, memory)
+    if best is None or not attempt.is_full(best):
+        best = _better(best, _kept(attempt, memory))
     due = area_changed and memory.steps_since_search + 1 >= attempt.settings.search_interval
     if best is not None and attempt.is_full(best) and not due:
         return best, replace(memory, steps_since_search=memory.steps_since_search + 1)
     situation = _situation(attempt)
-    if best is None and memory.failure is not None and memory.failure[0] == situation:
-        return memory.failure[1], memory
+    if best is None and memory.failure is not None:
+        waited = memory.steps_since_search + 1
+        if memory.failure[0] == situation or waited < _RETRY:
+            return memory.failure[1], replace(memory, steps_since_search=waited)
     memory = replace(memory, steps_since_search=0, failure=None)
     found = _search(attempt, best, memory)
     memory = replace(memory, target=found.target)
-    decision = found.best or _kept(attempt, memory) or _turn(attempt, found.route)
+    decision = found.best
+    if decision is None and found.route is not None and attempt.robot.can_turn_in_place:
+        decision = _turn_and_leg(attempt, found.route)
     if decision is None:
         return found.stop, replace(memory, failure=(situation, found.stop))
     return decision, memory
@@ -124,7 +133,7 @@ def _profiles(attempt: Attempt) -> list[FloatArray]:
 def _warm(attempt: Attempt, memory: RobotMemory) -> tuple[PlannedPath | None, RobotMemory]:
     """The last path, shifted to the robot and adjusted again; None when the certificate refuses it."""
     chain = _ahead(attempt, memory)
-    if chain is None:
+    if chain is None or float(np.linalg.norm(chain[-1] - memory.target)) > attempt.distances.stride:
         return None, memory
     attempt = replace(attempt, target=memory.target)
     points = resample(chain, attempt.distances.link)
@@ -144,12 +153,10 @@ def _warm(attempt: Attempt, memory: RobotMemory) -> tuple[PlannedPath | None, Ro
 def _search(attempt: Attempt, best: PlannedPath | None, memory: RobotMemory) -> _Search:
     """Best of the warm start and of new candidates; else the typed reason why there is none."""
     robot, settings = attempt.robot, attempt.settings
-    disks = _standing(attempt)
-    goal = np.array(memory.goal)
     try:
-        route = find_route(attempt.context, robot, attempt.pose, goal, attempt.distances, settings, disks)
+        route = _route(attempt, np.array(memory.goal))
     except PlanningError as error:
-        return _Search(best, _stop_for(error, attempt, goal, disks), None, memory.target)
+        return _Search(best, _stop_for(error, attempt, np.array(memory.goal)), None, memory.target)
     attempt = replace(attempt, target=route.target, planning_distance=route.distance)
     rejected = "no candidate leaves along the heading of the robot"
     candidates = route_candidates(attempt.context, route, attempt.pose, attempt.distances, settings)
@@ -169,6 +176,19 @@ def _search(attempt: Attempt, best: PlannedPath | None, memory: RobotMemory) -> 
     return _Search(best, Stop(robot.id, reason, message), route, route.target)
 
 
+def _route(attempt: Attempt, goal: FloatArray) -> Route:
+    """Around all standing robots; where that is no way, around those that will not move again."""
+    disks = _standing(attempt, parked=False)
+    arguments = (attempt.context, attempt.robot, attempt.pose, goal, attempt.distances, attempt.settings)
+    try:
+        return find_route(*arguments, disks)
+    except PlanningError:
+        parked = _standing(attempt, parked=True)
+        if parked == disks:
+            raise
+        return find_route(*arguments, parked)
+
+
 def _best_profile(attempt: Attempt, polyline: FloatArray, rotation: int, source: PathSource) -> PlannedPath:
     """The candidate adjusted with the first margin profile that holds for the whole window, else the best of all."""
     points = resample(polyline, attempt.distances.link)
@@ -184,15 +204,18 @@ def _best_profile(attempt: Attempt, polyline: FloatArray, rotation: int, source:
 
 
 def _replaces(attempt: Attempt, plan: PlannedPath, best: PlannedPath) -> bool:
+    """Whether a new path is worth leaving the last one: shorter, or safe for longer without a great detour."""
     if attempt.is_full(plan) != attempt.is_full(best):
-        return attempt.is_full(plan)
+        left = best.certificate.valid_until - attempt.time
+        patient = left > _LEAST_PATIENCE * attempt.settings.sampling_interval - 1e-6
+        return attempt.is_full(plan) and (not patient or plan.path.length < _DETOUR * best.path.length)
     return plan.path.length < (1.0 - attempt.settings.switch_gain) * best.path.length
 
 
-def _stop_for(error: PlanningError, attempt: Attempt, goal: FloatArray, disks: Disks) -> Stop:
+def _stop_for(error: PlanningError, attempt: Attempt, goal: FloatArray) -> Stop:
     """The typed reason; standing robots are named when it is them that block the way."""
     robot = attempt.robot
-    if disks and not isinstance(error, StartBlocked):
+    if _standing(attempt, parked=False) and not isinstance(error, StartBlocked):
         try:
             find_route(attempt.context, robot, attempt.pose, goal, attempt.distances, attempt.settings, ())
         except PlanningError as without:
@@ -204,12 +227,15 @@ def _stop_for(error: PlanningError, attempt: Attempt, goal: FloatArray, disks: D
     return Stop(robot.id, _REASONS.get(type(error), StopReason.NO_PATH), str(error))
 
 
-def _standing(attempt: Attempt) -> Disks:
-    """Disks that candidates go around: standing robots, with the margin and the reserve; never around this robot."""
+def _standing(attempt: Attempt, parked: bool) -> Disks:
+    """Disks that candidates go around: standing robots, or only those that will not move again.
+
+    With the margin and the reserve; never around this robot.
+    """
     clearance = attempt.distances.least + attempt.distances.reserve
     disks = []
     for other in attempt.others:
-        if _stands(other, attempt.time):
+        if _stands(other, attempt.time) and (other.parked or not parked):
             x, y = other.path.points[-1, :2]
             # The removed polygon is up to 1.1 % larger than the disk.
             disks.append(
@@ -227,26 +253,29 @@ def _kept(attempt: Attempt, memory: RobotMemory) -> PlannedPath | None:
     chain = _ahead(attempt, memory)
     if chain is None:
         return None
-    plan = attempt.kept(chain)
+    plan = attempt.along(chain, PathSource.LAST_PATH)
     return plan if plan.certificate.accepted else None
 
 
-def _turn(attempt: Attempt, route: Route | None) -> PlannedPath | None:
-    """A turn on the spot towards the shortest way."""
-    if route is None or not attempt.robot.can_turn_in_place:
+def _turn_and_leg(attempt: Attempt, route: Route) -> PlannedPath | None:
+    """For ways too tight for the turning radius: turn on the spot towards the next bend, then straight to it."""
+    corner = next_corner(attempt.context, route, attempt.pose)
+    if corner is None:
         return None
-    heading = turn_heading(attempt.context, route, attempt.pose)
-    if heading is None or abs(math.remainder(heading - attempt.pose.heading, 2.0 * math.pi)) < _ALIGNED:
-        return None
-    points = np.repeat(attempt.pose.position[None], attempt.distances.window_points + 1, axis=0)
-    path = TimedPath(attempt.time, attempt.distances.step, points, turn_to=heading)
-    plan = attempt.planned(path, PathSource.TURN_IN_PLACE)
+    start, distances = attempt.pose.position, attempt.distances
+    heading = math.atan2(corner[1] - start[1], corner[0] - start[0])
+    if abs(math.remainder(heading - attempt.pose.heading, 2.0 * math.pi)) >= _ALIGNED:
+        points = np.repeat(start[None], distances.window_points + 1, axis=0)
+        path = TimedPath(attempt.time, distances.step, points, turn_to=heading)
+        plan = attempt.planned(path, PathSource.TURN_IN_PLACE)
+    else:
+        plan = attempt.along(np.vstack((start, corner)), PathSource.STRAIGHT_LEG)
     return plan if plan.certificate.accepted else None
 
 
-def _better(best: PlannedPath | None, plan: PlannedPath) -> PlannedPath | None:
+def _better(best: PlannedPath | None, plan: PlannedPath | None) -> PlannedPath | None:
     """The accepted plan with the longer window; None while none is accepted."""
-    if not plan.certificate.accepted:
+    if plan is None or not plan.certificate.accepted:
         return best
     if best is None or plan.certificate.valid_until > best.certificate.valid_until + 1e-6:
         return plan

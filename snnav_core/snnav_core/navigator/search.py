@@ -15,11 +15,12 @@ from snnav_core.planning.shortest import initial_circles
 from snnav_core.planning.tangent_graph import Candidate, rule_candidates
 from snnav_core.types import FloatArray, PathSource, Pose2D, RobotSpec
 
-__all__ = ["Route", "find_route", "route_candidates", "turn_heading"]
+__all__ = ["Route", "find_route", "next_corner", "route_candidates"]
 
 _LEVELS = (1.0, 0.6, 0.3, 0.0)
 _DETOUR = 1.02
 _MAX_TRIED = 60
+_AT_CORNER = 0.03  # [m]; a robot stops within about this of the corner that it drove to
 
 
 @dataclass(frozen=True)
@@ -181,15 +182,15 @@ def _is_clear(
     return bool((clearance >= needed).all())
 
 
-def turn_heading(context: AreaContext, route: Route, pose: Pose2D) -> float | None:
-    """Heading [rad, map] of the shortest way to the target when the present heading does not matter."""
+def next_corner(context: AreaContext, route: Route, pose: Pose2D) -> FloatArray | None:
+    """Where the shortest way to the target bends first, (2,) [m, map], when the present heading does not matter.
+
+    None when the target cannot be reached, or the robot is there.
+    """
     start = pose.position
     entry = start if route.start_inside else route.curves.nearest(start)
     chain = context.goal_tree(route.curves, route.target).from_point(entry)
     if chain is None:
         return None
-    ahead = chain[np.linalg.norm(chain - start, axis=1) > 1e-3]
-    if len(ahead) == 0:
-        return None
-    direction = ahead[0] - start
-    return math.atan2(direction[1], direction[0])
+    ahead: FloatArray = chain[np.linalg.norm(chain - start, axis=1) > _AT_CORNER]
+    return ahead[0] if len(ahead) else None

@@ -14,15 +14,14 @@ import shapely
 from shapely.geometry import MultiPolygon
 
 from snnav_core.errors import InvalidInput
+from snnav_core.planning.separation import OtherRobot, separation
 from snnav_core.types import Certificate, FloatArray, Pose2D, RobotSpec, TimedPath
 
 __all__ = [
     "PIECES_PER_LINK",
     "BoundaryIndex",
     "CertificateSettings",
-    "OtherRobot",
     "certify",
-    "separation_fault",
 ]
 
 PIECES_PER_LINK = 8
@@ -71,15 +70,6 @@ class CertificateSettings:
                 f"time_window {self.time_window} must be >= 1, boundary_speed {self.boundary_speed} and "
                 f"tracking_tolerance {self.tracking_tolerance} >= 0"
             )
-
-
-@dataclass(frozen=True)
-class OtherRobot:
-    """Where another robot will be: it follows `path` and stays at its end."""
-
-    id: str
-    radius: float
-    path: TimedPath
 
 
 class BoundaryIndex:
@@ -146,7 +136,8 @@ def certify(
     -------
     Certificate
         `accepted` only if for all times s up to `valid_until` the distance of the path, along its segments, to the
-        boundary is >= d_s + s V_max (plus the tracking tolerance), to every other robot's disk >= d_s, the rest of the
+        boundary is >= d_s + s V_max (plus the tracking tolerance), to every other robot's disk >= d_s, in the first
+        interval also should that robot stop, the rest of the
         path keeps d_s, all circumscribed radii, the first heading and the link lengths hold.
 
     Notes
@@ -342,59 +333,7 @@ class _Check:
 
     def separation(self) -> tuple[float, float, str]:
         """Until when the margin to other robots holds [s], the least distance to their disks [m], what fails then."""
-        return _separation(self.path, self.others, self.window_end, self.settings.safety_margin)
-
-
-def separation_fault(
-    path: TimedPath, others: Sequence[OtherRobot], end: float, safety_margin: float
-) -> tuple[float, str]:
-    """Least distance [m] of a path to the disks of other robots up to time `end` [s], and what violates the margin.
-
-    The second value is empty when the margin [m] holds.
-    """
-    _, least, fault = _separation(path, others, end, safety_margin)
-    return least, fault
-
-
-def _separation(
-    path: TimedPath, others: Sequence[OtherRobot], end: float, safety_margin: float
-) -> tuple[float, float, str]:
-    until, least, fault = math.inf, math.inf, ""
-    for other in others:
-        times, distances = _approach(path, other.path, end)
-        distances = distances - other.radius
-        least = min(least, float(distances.min()))
-        present = float(
-            np.linalg.norm(other.path.positions_at(np.array([path.start_time]))[0] - path.points[0])
+        settings = self.settings
+        return separation(
+            self.path, self.others, self.window_end, settings.safety_margin, settings.sampling_interval
         )
-        # Robots that stand too near already may only part.
-        limit = min(safety_margin, present - other.radius)
-        failing = np.flatnonzero(distances < limit - 1e-9)
-        if len(failing) and times[failing[0]] < until:
-            until = float(times[failing[0]])
-            fault = (
-                f"comes within {distances[failing[0]]:.3f} m of robot {other.id} after "
-                f"{until - path.start_time:.2f} s, margin {limit:.3f} m"
-            )
-    return until, least, fault
-
-
-def _approach(first: TimedPath, second: TimedPath, end: float) -> tuple[FloatArray, FloatArray]:
-    """Least distance of two moving points in every interval on which both move uniformly.
-
-    Returns the start times of the intervals [s] and the least distances [m] in them, exact for linear motion.
-    """
-    start = first.start_time
-    knots = np.concatenate(
-        (
-            np.array([start, end]),
-            first.start_time + np.arange(len(first)) * first.step,
-            second.start_time + np.arange(len(second)) * second.step,
-        )
-    )
-    knots = np.unique(knots[(knots >= start) & (knots <= end)])
-    relative = first.positions_at(knots)[:, :2] - second.positions_at(knots)[:, :2]
-    begin, change = relative[:-1], np.diff(relative, axis=0)
-    squared = np.einsum("ij,ij->i", change, change)
-    share = np.clip(-np.einsum("ij,ij->i", begin, change) / np.maximum(squared, 1e-300), 0.0, 1.0)
-    return knots[:-1], np.linalg.norm(begin + share[:, None] * change, axis=1)

@@ -20,10 +20,9 @@ from snnav_core.planning.certificate import (
     PIECES_PER_LINK,
     BoundaryIndex,
     CertificateSettings,
-    OtherRobot,
     certify,
-    separation_fault,
 )
+from snnav_core.planning.separation import OtherRobot
 from snnav_core.types import Certificate, FloatArray, Pose2D, RobotSpec, TimedPath
 
 ROBOT = RobotSpec("robot_1", 0.3, 1.0, 0.5)  # R_min = 2 m
@@ -278,15 +277,6 @@ def test_robots_that_stand_too_near_may_only_part() -> None:
     behind, ahead = other([[-0.9, 0.0]]), other([[0.9, 0.0]])
     assert check(straight(), others=[behind]).accepted
     assert refused(check(straight(), others=[ahead], least_window=1), "margin 0.600 m")
-
-
-def test_the_fault_of_a_separation_names_robot_and_value() -> None:
-    path = TimedPath(START, STEP, straight())
-    assert separation_fault(path, [], START + 4.0, 1.0) == (math.inf, "")
-    least, fault = separation_fault(path, [other([[2.25, 0.5]])], START + 4.0, 1.0)
-    assert least == pytest.approx(0.2)
-    assert fault == "comes within 0.200 m of robot robot_2 after 1.00 s, margin 1.000 m" or "robot_2" in fault
-    assert separation_fault(path, [other([[2.25, 0.5]])], START + 0.5, 1.0)[1] == ""
 
 
 @pytest.mark.parametrize(
