@@ -26,6 +26,7 @@ from snnav_core.types import (
 __all__ = ["RobotMemory", "plan_robot"]
 
 _ALIGNED = 0.02  # a turn by less than this [rad] brings nothing
+_BY_ROBOT = " of robot "  # in the reasons of `separation`
 _RETRY = 2  # a fruitless search is repeated every so many steps while things change
 _DETOUR = 1.2  # a path certified for a part of the window is left for one at most so much longer ...
 _LEAST_PATIENCE = 2  # ... unless fewer than so many sampling intervals are left
@@ -158,7 +159,7 @@ def _search(attempt: Attempt, best: PlannedPath | None, memory: RobotMemory) -> 
     except PlanningError as error:
         return _Search(best, _stop_for(error, attempt, np.array(memory.goal)), None, memory.target)
     attempt = replace(attempt, target=route.target, planning_distance=route.distance)
-    rejected = "no candidate leaves along the heading of the robot"
+    rejected, by_robot = "no candidate leaves along the heading of the robot", False
     candidates = route_candidates(attempt.context, route, attempt.pose, attempt.distances, settings)
     for candidate in candidates[: settings.max_adjusted]:
         long = best is not None and candidate.length > (1.0 - settings.switch_gain) * best.path.length
@@ -167,11 +168,12 @@ def _search(attempt: Attempt, best: PlannedPath | None, memory: RobotMemory) -> 
         plan = _best_profile(attempt, candidate.polyline, candidate.rotation, candidate.source)
         if not plan.certificate.accepted:
             rejected = plan.certificate.reason
+            by_robot = by_robot or _BY_ROBOT in rejected
         elif best is None or _replaces(attempt, plan, best):
             best = plan
             if attempt.is_full(plan):
                 break
-    reason = StopReason.BLOCKED_BY_ROBOT if "of robot" in rejected else StopReason.NO_PATH
+    reason = StopReason.BLOCKED_BY_ROBOT if by_robot else StopReason.NO_PATH
     message = f"robot {robot.id}: {len(candidates)} candidates, none certified; the last: {rejected}"
     return _Search(best, Stop(robot.id, reason, message), route, route.target)
 
