@@ -31,6 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         after Ctrl-C.
     """
     signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGINT, _interrupt)  # a shell starts background programs with this one ignored
     try:
         chosen = _parser().parse_args(arguments)
         status: int = chosen.func(chosen)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import tempfile
 import time as clock
 from collections.abc import Callable, Iterator
@@ -16,6 +17,7 @@ from snnav_ros.available import require_ros
 from snnav_ros.run_display import make_console, run_display
 from snnav_sim.report.record import RunRecord
 from snnav_sim.scene import Scene, find_scene, list_scenes, load_scene
+from snnav_sim.scene_read import LARGEST_SEED
 
 __all__ = ["add_parsers"]
 
@@ -45,8 +47,8 @@ def add_parsers(subparsers: argparse._SubParsersAction[argparse.ArgumentParser])
 
 
 def _seed(text: str) -> int:
-    if not text.isdecimal() or int(text) > 2**53:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 on")
+    if not text.isdecimal() or int(text) > LARGEST_SEED:
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 to {LARGEST_SEED}")
     return int(text)
 
 
@@ -67,7 +69,7 @@ def _run(arguments: argparse.Namespace) -> int:
     scene = load_scene(find_scene(arguments.scene))
     if not arguments.core:
         require_ros("`snnav run` without --core")
-    directory = arguments.out or Path("runs") / f"{scene.name}-{clock.strftime('%Y%m%d-%H%M%S')}"
+    directory = arguments.out or Path("runs") / f"{_file_name(scene.name)}-{clock.strftime('%Y%m%d-%H%M%S')}"
     check_run_directory(directory)
     console = make_console()
     with _workplace(directory) as workplace, run_display(console, scene) as display:
@@ -79,6 +81,11 @@ def _run(arguments: argparse.Namespace) -> int:
     console.print(result_table(metrics, scene.safety_margin))
     console.print(f"run directory: {directory}", soft_wrap=True, highlight=False)
     return 0
+
+
+def _file_name(name: str) -> str:
+    """Return a scene name as one part of a path: it may contain slashes and dots."""
+    return re.sub(r"[^\w-]+", "_", name).strip("_") or "run"
 
 
 def _carry_out(

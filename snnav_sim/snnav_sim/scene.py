@@ -91,6 +91,8 @@ def find_scene(name_or_path: str) -> Path:
     path = Path(name_or_path)
     if path.is_file():
         return path
+    if path.is_dir():
+        raise SceneError(f"{name_or_path or '.'}: is a directory: give a scene file in it, or a name")
     shipped = _SHIPPED / f"{name_or_path}.yaml"
     if "/" not in name_or_path and shipped.is_file():
         return shipped

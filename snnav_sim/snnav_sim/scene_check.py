@@ -27,6 +27,8 @@ def check_scene(root: Field, scene: Scene) -> None:
         At the first contradiction.
     """
     entries = root.children()
+    if not scene.sensors:
+        entries["sensors"].fail("an empty list", "add at least one range finder: without any nothing is free")
     _check_times(entries, scene)
     _check_ids(entries)
     _check_places(entries, scene)

@@ -10,7 +10,9 @@ import shapely
 from snnav_sim.scene_types import Circle, Mover, Point, Polygon, RobotScene, Scene, SensorScene, Shape
 from snnav_sim.scene_yaml import Field
 
-__all__ = ["read_scene"]
+__all__ = ["LARGEST_SEED", "read_scene"]
+
+LARGEST_SEED = 2**53  # up to here every whole number is a double: YAML, JSON and ROS parameters agree
 
 REQUIRED = ("name", "sampling_interval", "workspace", "safety_margin", "sensors", "robots")
 OPTIONAL = (
@@ -48,7 +50,7 @@ def read_scene(root: Field) -> Scene:
     return Scene(
         name=entries["name"].text(),
         description=entries["description"].text(may_be_empty=True) if "description" in entries else "",
-        seed=entries["seed"].whole(0, 2**31 - 1) if "seed" in entries else 0,
+        seed=entries["seed"].whole(0, LARGEST_SEED) if "seed" in entries else 0,
         sampling_interval=number("sampling_interval", 0.0, 0.0, 60.0, above=True),
         control_period=number("control_period", 0.05, 0.0, 1.0, above=True),
         time_window=entries["time_window"].whole(1, 1000) if "time_window" in entries else 4,

@@ -199,9 +199,12 @@ class Field:
 
     def whole(self, least: int, most: int) -> int:
         """Return a whole number in [least, most]."""
-        value = self.number("whole number", least, most)
+        value = self.any_number("whole number")
+        remedy = f"give a whole number from {least} to {most}"
+        if not (math.isfinite(value) and least <= value <= most):
+            self.fail(f"{self.quoted()} is out of range", remedy)
         if value != int(value):
-            self.fail(f"{self.quoted()} is no whole number", f"give a whole number from {least} to {most}")
+            self.fail(f"{self.quoted()} is no whole number", remedy)
         return int(value)
 
     def point(self, what: str = "[x, y]") -> tuple[float, float]:

@@ -74,6 +74,7 @@ MISTAKES = {
     "free without a return beside codes": (
         "noise: none", "no_return: free, error_codes: true", 19, "sensors[0].no_return", "unknown",
     ),
+    "seed beyond what a double holds": ("seed: 1", "seed: 9007199254740994", 3, "seed", "from 0 to 9007199254740992"),
     "broken YAML": ("seed: 1", "seed: [1", 4, "", "not valid YAML"),
 }  # fmt: skip
 
@@ -105,6 +106,14 @@ def test_robots_that_start_in_one_another(example_text: str) -> None:
     twin = example_text.splitlines()[-1].replace("robot_1", "robot_2").replace("[3, 22]", "[3.5, 22]")
     with pytest.raises(SceneError, match=r"my.yaml:22: robots\[1\].start: .* overlaps the disk of robot_1"):
         parse_scene(f"{example_text}{twin}\n", "my.yaml")
+
+
+def test_a_scene_without_sensors(example_text: str) -> None:
+    start, end = example_text.index("sensors:"), example_text.index("robots:")
+    with pytest.raises(
+        SceneError, match=r"my.yaml:17: sensors: an empty list: add at least one range finder"
+    ):
+        parse_scene(f"{example_text[:start]}sensors: []\n{example_text[end:]}", "my.yaml")
 
 
 def test_recorded_and_simulated_sensors_do_not_mix(example_text: str) -> None:

@@ -80,6 +80,18 @@ def test_default_directory_is_new_under_runs(tmp_path: Path) -> None:
     assert run.name.startswith("hello-")
 
 
+def test_a_name_with_slashes_stays_under_runs_and_the_largest_seed_runs_again(tmp_path: Path) -> None:
+    text = find_scene("hello").read_text(encoding="utf-8").replace("name: hello", "name: ../up/hello")
+    (tmp_path / "up.yaml").write_text(text.replace("time_limit: 60.0", "time_limit: 1.0"), encoding="utf-8")
+    largest = ("--seed", str(2**53))
+    assert snnav("run", "up.yaml", "--core", "--no-figures", *largest, cwd=tmp_path).returncode == 0
+    (run,) = (tmp_path / "runs").iterdir()
+    assert run.name.startswith("up_hello-")
+    again = snnav("run", str(run / "scene.yaml"), "--core", "--no-figures", "--out", "again", cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    assert (tmp_path / "again" / "paths.csv").read_bytes() == (run / "paths.csv").read_bytes()
+
+
 def test_run_that_does_not_arrive_is_a_run(tmp_path: Path) -> None:
     text = find_scene("hello").read_text(encoding="utf-8").replace("target: [8.8, 3]", "target: [5, 2.6]")
     (tmp_path / "blocked.yaml").write_text(text, encoding="utf-8")
@@ -104,6 +116,7 @@ def test_scenes_are_listed(tmp_path: Path) -> None:
         (["run", "nowhere"], "snnav: nowhere: no scene of this name"),
         (["run", "nowhere.yaml"], "nowhere.yaml: there is no such file"),
         (["run", "bad.yaml"], "bad.yaml:1: "),
+        (["run", "taken"], "taken: is a directory"),
         (["run", "hello", "--core", "--processes"], "--core does not go with --realtime or --processes"),
         (["run", "hello", "--seed", "-3"], "--seed"),
         (["run", "hello", "--out", "taken"], "taken: holds files of something else"),
@@ -148,5 +161,22 @@ def test_ctrl_c_ends_a_run_and_leaves_nothing(tmp_path: Path) -> None:
         _, said = child.communicate(timeout=20.0)
         assert time.monotonic() - begin < 5.0
     assert child.returncode == 130
+    assert said.strip() == "snnav: interrupted"
+    assert not list(tmp_path.iterdir())
+
+
+def test_ctrl_c_is_heard_in_the_background_of_a_script(tmp_path: Path) -> None:
+    """A shell without job control starts what ends in `&` with SIGINT ignored."""
+    script = f'"{sys.executable}" -m snnav_ros.cli run factory --core --out out & echo $!; wait $!'
+    with subprocess.Popen(
+        ["sh", "-c", script], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    ) as shell:  # fmt: skip
+        assert shell.stdout is not None
+        process = int(shell.stdout.readline())
+        assert "robot_1" in shell.stdout.readline()  # the run goes on
+        os.kill(process, signal.SIGINT)
+        _, said = shell.communicate(timeout=20.0)
+    assert shell.returncode == 130
     assert said.strip() == "snnav: interrupted"
     assert not list(tmp_path.iterdir())

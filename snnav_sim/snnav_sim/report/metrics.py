@@ -53,8 +53,8 @@ def _duration(record: RunRecord) -> float | None:
 
 
 def _steps(seconds: Sequence[float]) -> dict[str, Any]:
-    """Return percentiles of the steps; the first one loads compiled code and is reported apart."""
-    milliseconds = 1e3 * np.asarray(seconds[1:], dtype=np.float64)
+    """Return percentiles of the steps without the first one, which loads compiled code, unless it is the only one."""
+    milliseconds = 1e3 * np.asarray(seconds[1:] or seconds, dtype=np.float64)
     names = {"p50": 50, "p99": 99, "max": 100}
     steps = {
         name: _rounded(float(np.percentile(milliseconds, share))) if len(milliseconds) else None

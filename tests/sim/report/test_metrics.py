@@ -71,6 +71,15 @@ def test_a_straight_run(room: Scene) -> None:
     json.dumps(metrics, allow_nan=False)
 
 
+def test_a_run_of_one_step_has_step_times(room: Scene) -> None:
+    record = straight_run(room)
+    record.planner_seconds[:] = [0.002]
+    record.fusion_seconds[:] = [0.003]
+    metrics = compute_metrics(room, record)
+    assert metrics["planner"]["step_ms"] == {"p50": 2.0, "p99": 2.0, "max": 2.0}
+    assert metrics["fusion"]["step_ms"]["max"] == metrics["fusion"]["first_step_ms"] == 3.0
+
+
 def test_the_margin_is_measured_at_every_sample(room: Scene) -> None:
     record = RunRecord(0, reason="time limit")
     drive(record, "r", 2.6)  # 0.4 m below the block from x = 4 to x = 6
