@@ -7,6 +7,8 @@ The configuration holds the parameters of all nodes (`config/network.yaml` is a 
 scanners and bases are started elsewhere.
 """
 
+from pathlib import Path
+
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
@@ -18,11 +20,9 @@ from launch import LaunchContext, LaunchDescription
 
 def network_nodes(context: LaunchContext) -> list[Node]:
     """Return the nodes that the arguments ask for."""
-    config = LaunchConfiguration("config").perform(context)
+    config = existing(LaunchConfiguration("config").perform(context))
     robots = [name for name in LaunchConfiguration("robots").perform(context).split(",") if name]
-    # "driver topic=our topic": the node hears the driver's topic where it would hear its own
-    pairs = [pair.split("=", 1) for pair in LaunchConfiguration("remap").perform(context).split(",") if pair]
-    remappings = [(ours, drivers) for drivers, ours in pairs]
+    remappings = remappings_of(LaunchConfiguration("remap").perform(context))
 
     def node(executable: str, name: str) -> Node:
         return Node(
@@ -41,6 +41,34 @@ def network_nodes(context: LaunchContext) -> list[Node]:
         node("planner_node", "planner_node"),
         *(node("robot_node", robot) for robot in robots),
     ]
+
+
+def existing(config: str) -> str:
+    """Return the path of the configuration; launch itself would go on without the file.
+
+    Raises
+    ------
+    ValueError
+        If it is no file.
+    """
+    if not Path(config).is_file():
+        raise ValueError(f"config:={config} is no file; give the file with the parameters of the nodes")
+    return config
+
+
+def remappings_of(text: str) -> list[tuple[str, str]]:
+    """Return the pairs (our topic, driver topic): a node hears the driver's where it would hear its own.
+
+    Raises
+    ------
+    ValueError
+        If a pair is none.
+    """
+    pairs = [pair.partition("=") for pair in text.split(",") if pair]
+    for drivers, sign, ours in pairs:
+        if not (drivers and sign and ours):
+            raise ValueError(f"remap:={text}: {drivers}{sign}{ours} is no pair; write driver_topic=our_topic")
+    return [(ours, drivers) for drivers, _, ours in pairs]
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -65,7 +93,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("remap", default_value="", description="driver topic=our topic, by commas"),
             DeclareLaunchArgument("namespace", default_value="", description="before all names"),
             DeclareLaunchArgument("rviz", default_value="false", description="open RViz"),
+            rviz,  # before the nodes: where there is no RViz, none of them is started
             OpaqueFunction(function=network_nodes),
-            rviz,
         ]
     )

@@ -20,7 +20,7 @@ def scene_nodes(context: LaunchContext) -> list[Node]:
     """Return the nodes of the scene that the arguments name."""
     path = find_scene(LaunchConfiguration("scene").perform(context))
     scene = load_scene(path)
-    lockstep = LaunchConfiguration("lockstep").perform(context).lower() in ("true", "1")
+    lockstep = LaunchConfiguration("lockstep").perform(context) == "true"
     namespace = LaunchConfiguration("namespace").perform(context)
     common = {"scene": str(path), "lockstep": lockstep}
 
@@ -35,7 +35,7 @@ def scene_nodes(context: LaunchContext) -> list[Node]:
             on_exit=Shutdown(reason=f"{name} ended"),
         )
 
-    rate = float(LaunchConfiguration("rate").perform(context))
+    rate = rate_of(LaunchConfiguration("rate").perform(context))
     return [
         *(node("lms200_node", sensor.id, sensor_id=sensor.id) for sensor in scene.sensors),
         node("fusion_node", "fusion_node"),
@@ -43,6 +43,20 @@ def scene_nodes(context: LaunchContext) -> list[Node]:
         *(node("robot_node", robot.id, robot_id=robot.id) for robot in scene.robots),
         node("clock_node", "clock_node", use_sim_time=False, rate=rate),
     ]
+
+
+def rate_of(text: str) -> float:
+    """Return the number in the argument `rate`.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"rate:={text} is no number; write one such as rate:=2.0") from None
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -60,12 +74,15 @@ def generate_launch_description() -> LaunchDescription:
                 "scene", default_value="hello", description="scene file, or name of a scene"
             ),
             DeclareLaunchArgument(
-                "lockstep", default_value="false", description="as fast as the machine can"
+                "lockstep",
+                default_value="false",
+                choices=["true", "false"],
+                description="as fast as the machine can",
             ),
             DeclareLaunchArgument("rate", default_value="1.0", description="simulated seconds in a second"),
             DeclareLaunchArgument("namespace", default_value="", description="before all names"),
             DeclareLaunchArgument("rviz", default_value="false", description="open RViz"),
+            rviz,  # before the nodes: where there is no RViz, none of them is started
             OpaqueFunction(function=scene_nodes),
-            rviz,
         ]
     )

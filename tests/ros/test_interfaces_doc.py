@@ -42,7 +42,7 @@ def test_words_of_the_text_are_those_of_the_code() -> None:
 )
 def test_example_of_a_network_starts_its_nodes(graph: Any, name: str, kind: type) -> None:
     content = yaml.safe_load((CONFIG / "network.yaml").read_text(encoding="utf-8"))
-    graph.add(kind, name, **flat(content[name]["ros__parameters"]))
+    graph.add(kind, name, **flat(content[f"/**/{name}"]["ros__parameters"]))
 
 
 def flat(group: dict[str, Any], prefix: str = "") -> dict[str, Any]:

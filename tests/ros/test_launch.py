@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from snnav_core.errors import SnnavError
 from snnav_ros.nodes.clock import ClockNode
 from snnav_ros.nodes.fusion import FusionNode
 from snnav_ros.nodes.lms200 import Lms200Node
@@ -17,6 +18,7 @@ from snnav_ros.nodes.planner import PlannerNode
 from snnav_ros.nodes.robot import RobotNode
 
 FOLDER = Path(__file__).parents[2] / "snnav_ros" / "launch"
+CONFIG = FOLDER.parent / "config" / "network.yaml"
 KINDS = {
     "lms200_node": Lms200Node,
     "fusion_node": FusionNode,
@@ -107,3 +109,33 @@ def test_network_brings_up_fusion_planner_and_trackers(launch_file: Any, tmp_pat
     ]
     assert nodes[0].kwargs["parameters"] == [str(config)]
     assert nodes[0].kwargs["remappings"] == [("sensors/a/scan", "/a/scan"), ("sensors/b/scan", "/b/scan")]
+
+
+@pytest.mark.parametrize(
+    ("name", "argument", "value", "said"),
+    [
+        ("scene.launch.py", "scene", "helo", "did you mean hello"),
+        ("scene.launch.py", "rate", "fast", "rate:=fast is no number"),
+        ("network.launch.py", "config", "nowhere.yaml", "config:=nowhere.yaml is no file"),
+        ("network.launch.py", "remap", "/a/scan", "/a/scan is no pair; write driver_topic=our_topic"),
+    ],
+)
+def test_mistake_in_an_argument_is_named_before_any_node_starts(
+    launch_file: Any, name: str, argument: str, value: str, said: str
+) -> None:
+    module = launch_file(name)
+    description = module.generate_launch_description()
+    context = {**arguments_of(description), argument: value}
+    if argument != "config":
+        context["config"] = str(CONFIG)
+    (nodes,) = [part for part in description.args[0] if type(part).__name__ == "OpaqueFunction"]
+    with pytest.raises((ValueError, SnnavError), match=said):
+        nodes.kwargs["function"](context)
+
+
+@pytest.mark.parametrize("name", ["scene.launch.py", "network.launch.py"])
+def test_rviz_is_looked_for_before_any_node_starts(launch_file: Any, name: str) -> None:
+    """Where it is missing, launch fails at once and would leave behind what it has started."""
+    parts = launch_file(name).generate_launch_description().args[0]
+    kinds = [type(part).__name__ for part in parts]
+    assert kinds.index("Node") < kinds.index("OpaqueFunction")
