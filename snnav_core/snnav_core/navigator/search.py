@@ -90,7 +90,7 @@ def _reachable_target(
     outside_disks = all(math.hypot(goal[0] - x, goal[1] - y) > radius for x, y, radius in disks)
     if clearance >= 1.012 * distances.tightest and outside_disks:
         return goal
-    nearest = context.nearest_inside(goal, distances.tightest, disks)
+    nearest = context.nearest_inside(goal, distances.tightest, disks) if math.isfinite(clearance) else None
     if nearest is None or float(np.linalg.norm(nearest - goal)) > 0.8 * distances.arrival:
         raise GoalBlocked(
             f"target ({goal[0]:.2f}, {goal[1]:.2f}) of robot {robot.id} has {clearance:.2f} m to the boundary of the "
