@@ -141,13 +141,17 @@ class GroundNavigator:
             plan = decision if isinstance(decision, PlannedPath) else None
             if memory is not None and (decision is None or _is_silent(decision)):
                 plan = memory.plan
+            step = self._distances[other].step
+            paths = [TimedPath(time, step, state.pose.position[None])]
             if plan is not None and time < plan.certificate.valid_until:
-                path = _until(plan.path, plan.certificate.valid_until)
-            else:
-                path = TimedPath(time, self._distances[other].step, state.pose.position[None])
+                paths = [_until(plan.path, plan.certificate.valid_until)]
+            elif plan is not None and state.stamp < time - _TIME_TOLERANCE:
+                # Not heard of since: it stands somewhere on what was left of its way.
+                left = np.arange(state.stamp, plan.certificate.valid_until + 0.5 * step, step)
+                paths += [TimedPath(time, step, point[None]) for point in plan.path.positions_at(left)]
             radius = max(robot.radius, self.robots[name].radius)
             parked = plan is None and (memory is None or memory.arrived)
-            others.append(OtherRobot(other, radius, path, parked))
+            others += [OtherRobot(other, radius, path, parked) for path in paths]
         return others
 
     def _decide(

@@ -177,7 +177,8 @@ class PlanarTracker:
             raise InvalidInput(
                 f"tracker of {self.robot.id!r}: pose {pose} at time {time} must be finite; stop the robot"
             )
-        if self._path is None or time > self._valid_until + _TIME_TOLERANCE:
+        # The command holds for a control period, which must end within the validity of the path.
+        if self._path is None or time + self.control_period > self._valid_until + _TIME_TOLERANCE:
             return _STOP
         if self._path.turn_to is not None:
             return self._turn(wrap_angle(self._path.turn_to - pose.heading))

@@ -258,8 +258,9 @@ def test_after_its_validity_the_path_is_not_followed() -> None:
     turning = TimedPath(0.0, 1.0, np.zeros((1, 2)), turn_to=1.0)
     for path in (moving, turning):
         tracker.set_path(path, valid_until=4.0)
-        assert tracker.command(pose, 4.0) != STOP
-        assert tracker.command(pose, 4.01) == STOP
+        assert tracker.command(pose, 3.95) != STOP
+        assert tracker.command(pose, 3.96) == STOP, "it would hold beyond"
+        assert tracker.command(pose, 4.0) == STOP
 
 
 def test_points_in_space_are_tracked_by_their_plan() -> None:

@@ -1,0 +1,218 @@
+"""Several robots, and areas that change while they drive: separation and margin hold at every control period."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from snnav_core.area.planar import UnoccupiedArea, as_multipolygon
+from snnav_core.motion.unicycle import step_unicycle
+from snnav_core.navigator.ground import GroundNavigator
+from snnav_core.navigator.settings import NavigatorSettings
+from snnav_core.tracking.planar import PlanarTracker, TrackerSettings
+from snnav_core.types import PlannedPath, Pose2D, RobotSpec, RobotState, Stop, StopReason
+
+HALL = shapely.box(0.0, 0.0, 20.0, 12.0)
+MARGIN, RADIUS = 0.4, 0.2
+APART = MARGIN + RADIUS
+
+
+def area(*obstacles: shapely.Geometry, stamp: float = 0.0) -> UnoccupiedArea:
+    return UnoccupiedArea(stamp, as_multipolygon(shapely.difference(HALL, shapely.union_all(obstacles))))
+
+
+def navigator(names: str, boundary_speed: float = 0.0) -> GroundNavigator:
+    settings = NavigatorSettings(0.5, MARGIN, 4, boundary_speed=boundary_speed)
+    return GroundNavigator([RobotSpec(name, RADIUS, 0.5, 1.5) for name in names], settings)
+
+
+def all_arrived(log: Any) -> bool:
+    decisions = log.results[-1].decisions.values()
+    return all(isinstance(d, Stop) and d.reason is StopReason.ARRIVED for d in decisions)
+
+
+def least_separation(log: Any) -> float:
+    """Return the least distance between two robots at any control period [m]."""
+    pairs = itertools.combinations(log.poses, 2)
+    return min(
+        float(np.linalg.norm(log.positions(first) - log.positions(second), axis=1).min())
+        for first, second in pairs
+    )
+
+
+def ring(names: str, radius: float = 4.5) -> tuple[dict[str, Pose2D], dict[str, tuple[float, float]]]:
+    """Robots on a circle, each heading for the far side, a little off the others' starts."""
+    poses, goals = {}, {}
+    for index, name in enumerate(names):
+        angle = 2.0 * math.pi * index / len(names) + 0.1
+        x, y = radius * math.cos(angle), radius * math.sin(angle)
+        poses[name] = Pose2D(10.0 + x, 6.0 + y, angle + math.pi)
+        goals[name] = (10.0 - 0.9 * x, 6.0 - 0.9 * y)
+    return poses, goals
+
+
+CROSSINGS: dict[str, tuple[dict[str, Pose2D], dict[str, tuple[float, float]]]] = {
+    "at right angles": (
+        {"a": Pose2D(4.0, 6.0, 0.0), "b": Pose2D(10.0, 1.5, math.pi / 2)},
+        {"a": (16.0, 6.0), "b": (10.0, 10.5)},
+    ),
+    "head on": (
+        {"a": Pose2D(4.0, 6.0, 0.0), "b": Pose2D(16.0, 6.0, math.pi)},
+        {"a": (15.0, 6.0), "b": (5.0, 6.0)},
+    ),
+    "one behind the other": (
+        {"a": Pose2D(4.0, 6.0, 0.0), "b": Pose2D(4.9, 6.0, 0.0)},
+        {"a": (14.0, 6.0), "b": (15.0, 6.0)},
+    ),
+    "three at once": ring("abc"),
+}
+
+
+@pytest.mark.parametrize("name", CROSSINGS)
+def test_crossing_robots_keep_apart_and_arrive(closed_loop: Callable[..., Any], name: str) -> None:
+    poses, goals = CROSSINGS[name]
+    log = closed_loop(navigator("".join(poses)), area().restamped, poses, goals, 90.0)
+    assert least_separation(log) >= APART - 1e-6
+    assert all_arrived(log), {robot: log.reasons(robot)[-1] for robot in poses}
+    for robot in poses:
+        assert area().clearance(log.positions(robot)).min() >= MARGIN
+
+
+def test_two_robots_pass_a_gap_for_one(closed_loop: Callable[..., Any]) -> None:
+    wall = area(shapely.box(9.5, 0.0, 10.5, 5.3), shapely.box(9.5, 6.7, 10.5, 12.0))
+    poses = {"a": Pose2D(4.0, 6.0, 0.0), "b": Pose2D(14.0, 8.0, math.pi)}
+    log = closed_loop(navigator("ab"), wall.restamped, poses, {"a": (16.0, 4.0), "b": (4.0, 9.0)}, 90.0)
+    assert least_separation(log) >= APART - 1e-6
+    assert all_arrived(log)
+    for robot in poses:
+        assert wall.clearance(log.positions(robot)).min() >= MARGIN
+
+
+@pytest.mark.parametrize("gap", [0.605, 0.65])
+def test_robots_that_stand_close_can_part(closed_loop: Callable[..., Any], gap: float) -> None:
+    poses = {"a": Pose2D(8.0, 6.0, 0.0), "b": Pose2D(8.0 + gap, 6.0, math.pi)}
+    log = closed_loop(navigator("ab"), area().restamped, poses, {"a": (14.0, 8.0), "b": (3.0, 4.0)}, 60.0)
+    assert least_separation(log) >= APART - 1e-6
+    assert all_arrived(log)
+
+
+def test_a_parked_robot_in_the_only_way_is_named(closed_loop: Callable[..., Any]) -> None:
+    wall = area(shapely.box(9.5, 0.0, 10.5, 5.3), shapely.box(9.5, 6.7, 10.5, 12.0))
+    poses = {"a": Pose2D(4.0, 6.0, 0.0), "b": Pose2D(10.0, 6.0, 0.0)}
+    log = closed_loop(navigator("ab"), wall.restamped, poses, {"a": (16.0, 6.0)}, 3.0)
+    decision = log.last("a")
+    assert isinstance(decision, Stop)
+    assert decision.reason is StopReason.BLOCKED_BY_ROBOT
+    assert "blocked by standing robots (b)" in decision.message
+    assert log.last("b").reason is StopReason.NO_GOAL
+
+
+def drive_with_failures(
+    nav: GroundNavigator,
+    poses: Mapping[str, Pose2D],
+    goals: Mapping[str, tuple[float, float]],
+    fails: Callable[[str, float], bool],
+    heard: Callable[[str, float], bool],
+    duration: float,
+) -> dict[str, np.ndarray]:
+    """Like the closed loop, but bases stand still and states are lost at times; return the positions."""
+    now = dict(poses)
+    trackers = {name: PlanarTracker(robot, TrackerSettings(), 0.05) for name, robot in nav.robots.items()}
+    positions: dict[str, list[np.ndarray]] = {name: [] for name in poses}
+    for tick in range(round(duration / 0.05)):
+        time = round(0.05 * tick, 9)
+        if tick % 10 == 0:
+            states = {name: RobotState(name, pose, time) for name, pose in now.items() if heard(name, time)}
+            result = nav.step(time, area(stamp=time), states, goals)
+            for name, decision in result.decisions.items():
+                if isinstance(decision, PlannedPath):
+                    until = decision.certificate.valid_until
+                    trackers[name].set_path(decision.path, now[name].heading, until)
+                elif decision.reason is not StopReason.NO_STATE:
+                    trackers[name].set_path(None)
+        for name, pose in now.items():
+            command = trackers[name].command(pose, time)
+            if not fails(name, time):
+                now[name] = step_unicycle(pose, command.speed, command.turn_rate, 0.05)
+            positions[name].append(now[name].position)
+    return {name: np.array(values) for name, values in positions.items()}
+
+
+@pytest.mark.parametrize("order", ["ab", "ba"])
+@pytest.mark.parametrize("start", [2.0, 5.1])
+def test_a_robot_whose_base_fails_is_not_run_into(order: str, start: float) -> None:
+    """The one in front is told to drive, says where it is, and does not move for ten seconds."""
+    poses = {"a": Pose2D(4.0, 6.0, 0.0), "b": Pose2D(5.2, 6.0, 0.0)}
+    positions = drive_with_failures(
+        navigator(order),
+        poses,
+        {"a": (15.0, 6.0), "b": (13.0, 6.0)},
+        lambda name, time: name == "b" and start <= time < start + 10.0,
+        lambda name, time: True,
+        16.0,
+    )
+    assert np.linalg.norm(positions["a"] - positions["b"], axis=1).min() >= APART - 0.05
+
+
+@pytest.mark.parametrize("order", ["ab", "ba"])
+def test_a_robot_that_is_not_heard_of_any_more_is_not_run_into(order: str) -> None:
+    """It follows its last path to the end of its window, as its tracker does, and stands there."""
+    poses = {"a": Pose2D(4.0, 6.0, 0.0), "b": Pose2D(9.0, 2.5, math.pi / 2)}
+    positions = drive_with_failures(
+        navigator(order),
+        poses,
+        {"a": (15.0, 6.0), "b": (9.0, 10.0)},
+        lambda name, time: False,
+        lambda name, time: name == "a" or time < 5.0,
+        40.0,
+    )
+    assert np.linalg.norm(positions["a"] - positions["b"], axis=1).min() >= APART - 1e-6
+    assert np.linalg.norm(positions["a"][-1] - (15.0, 6.0)) < 0.2
+
+
+@pytest.mark.parametrize("closes", [6.0, 9.5, 11.5])
+def test_a_door_that_shuts_stops_the_robot_before_it(closed_loop: Callable[..., Any], closes: float) -> None:
+    frame = (shapely.box(9.0, 0.0, 10.0, 5.0), shapely.box(9.0, 7.0, 10.0, 12.0))
+    door = shapely.box(9.0, 5.0, 10.0, 7.0)
+
+    def free(time: float) -> UnoccupiedArea:
+        return area(*frame, *((door,) if time >= closes else ()), stamp=time)
+
+    log = closed_loop(navigator("a"), free, {"a": Pose2D(2.5, 6.0, 0.0)}, {"a": (17.0, 6.0)}, closes + 4.0)
+    moving = [isinstance(result.decisions["a"], PlannedPath) for result in log.results]
+    assert all(moving[: round(closes / 0.5)])
+    assert not any(moving[round(closes / 0.5) :])
+    assert log.last("a").reason is StopReason.GOAL_UNREACHABLE
+    assert area(*frame, door).clearance(log.positions("a")).min() >= MARGIN
+
+
+@pytest.mark.parametrize("shape", ["wall", "door"])
+def test_a_moving_boundary_no_faster_than_v_max_never_comes_nearer_than_the_margin(
+    closed_loop: Callable[..., Any], shape: str
+) -> None:
+    """The truth moves on between the decisions; it is compared at every control period."""
+    speed = 0.2
+
+    def free(time: float) -> UnoccupiedArea:
+        if shape == "wall":
+            return area(shapely.box(0.0, 0.0, 20.0, min(0.3 + speed * max(time - 4.0, 0.0), 3.0)), stamp=time)
+        lower = min(4.0 + speed * time, 7.0)
+        return area(shapely.box(9.0, 0.0, 11.0, lower), shapely.box(9.0, 10.0, 11.0, 12.0), stamp=time)
+
+    start = Pose2D(2.0, 1.5, 0.0) if shape == "wall" else Pose2D(2.0, 6.0, 0.0)
+    log = closed_loop(navigator("a", speed), free, {"a": start}, {"a": (17.0, 8.0)}, 60.0)
+    assert all_arrived(log)
+    for tick, position in enumerate(log.positions("a")):
+        assert free(0.05 * tick).clearance(position[None])[0] >= MARGIN
+
+
+def test_two_runs_of_several_robots_are_the_same(closed_loop: Callable[..., Any]) -> None:
+    poses, goals = ring("abc")
+    logs = [closed_loop(navigator("abc"), area().restamped, poses, goals, 12.0) for _ in range(2)]
+    assert logs[0].digests() == logs[1].digests()
