@@ -118,6 +118,8 @@ obstacles:
 movers:
   - {id: person_1, circle: [0, 0, 0.3], waypoints: [[20, 5], [20, 40]], speed: 0.4, loop: true}
   - {id: cart_1, polygon: [[-1, -1], [1, -1], [1, 1], [-1, 1]], start: [50, 10], velocity: [0.0, 0.3]}
-sensors: []
+sensors:
+  - {id: lms, device: lms200, position: [2, 2], heading_deg: 45, field_of_view_deg: 180,
+     resolution_deg: 0.5, range_max: 15.0}
 robots: []
 """

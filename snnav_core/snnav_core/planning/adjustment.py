@@ -33,7 +33,7 @@ class AdjustmentSettings:
         Project violating points instead of pushing them by a spring (C0-5).
     cold_passes, warm_passes : int
         Pass limits. Deviation C0-15 (3000, 300): with exact barriers and candidates that start on the reduced area all
-        successful adjustments took fewer than 200 passes; those that did not rest by 600 never did.
+        successful adjustments took fewer than 200 passes.
     """
 
     interval_gain: float = 0.4
@@ -44,7 +44,7 @@ class AdjustmentSettings:
     shortest_end: float = 0.3
     longest_end: float = 1.5
     exact_barriers: bool = True
-    cold_passes: int = 600
+    cold_passes: int = 300
     warm_passes: int = 150
 
 

@@ -393,7 +393,10 @@ def test_the_separation_is_that_of_dense_sampling(seed: int, links: int) -> None
     margin = min(1.0, distance[0])
     if certificate.accepted:
         assert (distance[times <= certificate.valid_until - START + 1e-9] >= margin - 1e-6).all()
-    elif distance.min() > 1.02:
+    # Up to the next decision, 1 s, the other robot may also stop anywhere on its way.
+    soon = times <= 1.0 + 1e-9
+    anywhere = positions[soon][:, None] - robot.path.positions_at(START + times[soon])[None]
+    if distance.min() > 1.02 and np.linalg.norm(anywhere, axis=2).min() - 0.3 > 1.02:
         assert not certificate.reason.startswith("comes within")
 
 
