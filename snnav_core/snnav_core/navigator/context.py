@@ -19,6 +19,8 @@ __all__ = ["AreaContext", "Disks"]
 
 _NARROW_SHARE, _WIDE_SHARE = 0.00125, 0.01  # of the distance: below 1 m passages matter, above speed does
 
+_MOST_DISKS = 64  # remembered reductions without standing robots
+
 Disks = tuple[tuple[float, float, float], ...]
 """Disks of standing robots: x, y, radius [m, map]; a hashable value."""
 
@@ -30,8 +32,8 @@ class AreaContext:
     ----------
     area : UnoccupiedArea
     simplification : float
-        Upper limit for the reductions [m], see `reduce_area`; never more than 0.25 % of their distance, which would
-        close narrow passages.
+        Upper limit for the reductions [m], see `reduce_area`; never more than 1 % of their distance, below 1 m
+        than 0.125 %: more would close narrow passages.
     """
 
     def __init__(self, area: UnoccupiedArea, simplification: float) -> None:
@@ -40,7 +42,7 @@ class AreaContext:
         self._reduced: dict[float, MultiPolygon] = {}
         self._without: dict[tuple[float, Disks], MultiPolygon] = {}
         self._curves: dict[bytes, AreaCurves] = {}
-        self._trees: dict[tuple[int, float, float], GoalTree] = {}
+        self._trees: dict[tuple[AreaCurves, float, float], GoalTree] = {}
 
     @cached_property
     def digest(self) -> bytes:
@@ -70,6 +72,10 @@ class AreaContext:
         if not disks:
             return self._reduced[key]
         if (key, disks) not in self._without:
+            if len(self._without) >= _MOST_DISKS:
+                # In an area that never changes, robots stop here and there for days.
+                for kept in (self._without, self._curves, self._trees):
+                    kept.clear()
             values = np.array(disks)
             self._without[key, disks] = remove_disks(self._reduced[key], values[:, :2], values[:, 2])
         return self._without[key, disks]
@@ -86,7 +92,7 @@ class AreaContext:
 
     def goal_tree(self, curves: AreaCurves, target: FloatArray) -> GoalTree:
         """Shortest distances to the target (2,) [m, map] over the curves."""
-        key = (id(curves), float(target[0]), float(target[1]))
+        key = (curves, float(target[0]), float(target[1]))
         if key not in self._trees:
             self._trees[key] = GoalTree(curves, target)
         return self._trees[key]
