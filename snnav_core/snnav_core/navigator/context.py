@@ -19,7 +19,7 @@ __all__ = ["AreaContext", "Disks"]
 
 _NARROW_SHARE, _WIDE_SHARE = 0.00125, 0.01  # of the distance: below 1 m passages matter, above speed does
 
-_MOST_DISKS = 64  # remembered reductions without standing robots
+_MOST_KEPT = 64  # sets of standing robots, and targets, that are remembered
 
 Disks = tuple[tuple[float, float, float], ...]
 """Disks of standing robots: x, y, radius [m, map]; a hashable value."""
@@ -72,7 +72,7 @@ class AreaContext:
         if not disks:
             return self._reduced[key]
         if (key, disks) not in self._without:
-            if len(self._without) >= _MOST_DISKS:
+            if len(self._without) >= _MOST_KEPT:
                 # In an area that never changes, robots stop here and there for days.
                 for kept in (self._without, self._curves, self._trees):
                     kept.clear()
@@ -94,6 +94,8 @@ class AreaContext:
         """Shortest distances to the target (2,) [m, map] over the curves."""
         key = (curves, float(target[0]), float(target[1]))
         if key not in self._trees:
+            if len(self._trees) >= _MOST_KEPT:
+                self._trees.clear()
             self._trees[key] = GoalTree(curves, target)
         return self._trees[key]
 
