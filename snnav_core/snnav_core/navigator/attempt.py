@@ -145,9 +145,14 @@ class Attempt:
         )
 
     def is_full(self, plan: PlannedPath) -> bool:
-        """Whether a plan is certified for the whole time window."""
+        """Whether a plan is certified for the whole time window, or to its end."""
         window = self.settings.time_window * self.settings.sampling_interval
-        return plan.certificate.accepted and plan.certificate.valid_until >= self.time + window - 1e-6
+        whole = (
+            self.time + window
+            if plan.path.turn_to is not None
+            else min(self.time + window, plan.path.end_time)
+        )
+        return plan.certificate.accepted and plan.certificate.valid_until >= whole - 1e-6
 
 
 def _longest_link(centres: FloatArray) -> float:

@@ -161,7 +161,7 @@ def certify(
     return Certificate(
         robot_id=robot.id,
         accepted=not reason,
-        valid_until=path.start_time + window * settings.sampling_interval,
+        valid_until=min(path.start_time + window * settings.sampling_interval, check.stands_until()),
         least_clearance=clearance,
         least_separation=separation,
         least_radius=radius,
@@ -319,6 +319,14 @@ class _Check:
             f"{self.times[first]:.2f} s, demanded {demanded[first]:.3f} m"
         )
         return self.path.start_time + before, least, fault
+
+    def stands_until(self) -> float:
+        """Until when the robot may stand at the end of the path while the boundary comes nearer [s]."""
+        settings, last = self.settings, self.points[-1:]
+        if settings.boundary_speed == 0.0 or self.path.turn_to is not None:
+            return math.inf
+        reserve = float(self.boundary.distances(np.stack((last, last), axis=1))[0]) - settings.safety_margin
+        return max(self.path.end_time, self.path.start_time + reserve / settings.boundary_speed)
 
     def tail_fault(self, window: float) -> str:
         """Whether the path beyond the proved window [s] at least keeps d_s from what is known now."""

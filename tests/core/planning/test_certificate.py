@@ -146,6 +146,15 @@ def test_beyond_the_certified_window_the_path_still_keeps_the_margin_to_what_is_
     assert touching.valid_until == START + 3.0
 
 
+def test_a_path_that_ends_within_the_window_is_valid_while_the_robot_may_stand_at_its_end() -> None:
+    """It stays there, and the boundary may go on coming nearer."""
+    corridor = shapely.box(-5.0, -1.6, 40.0, 1.6)
+    for speed, until in ((0.0, 4.0), (0.1, 4.0), (0.2, 3.0), (0.4, 1.5), (0.6, 1.0)):
+        certificate = check(straight(2), corridor, boundary_speed=speed, least_window=1)
+        assert certificate.accepted
+        assert certificate.valid_until == pytest.approx(START + until)
+
+
 def test_too_tight_a_curve_is_refused() -> None:
     """On a circle of 2 m the circumscribed radius is 2 m; 5 % less is still accepted."""
     for radius, accepted in ((2.0, True), (1.91, True), (1.89, False)):
