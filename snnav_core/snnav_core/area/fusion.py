@@ -15,8 +15,7 @@ from snnav_core.area.memory import remember
 from snnav_core.area.planar import UnoccupiedArea, as_multipolygon, shrink
 from snnav_core.errors import InvalidInput
 from snnav_core.sensing.scan import DetectedArea, PlanarScan, ScanSettings, detect_planar
-from snnav_core.sensing.star import shorten_fan, star_rings
-from snnav_core.sensing.thinning import thin_ring
+from snnav_core.sensing.star import shorten_fan
 from snnav_core.types import FloatArray, Pose2D
 
 __all__ = ["AreaFusion", "FusionSettings", "PlanarSensor", "agree", "cut_returns"]
@@ -118,9 +117,7 @@ def agree(
     for part in detected:
         fan, inside = shorten_fan(part.fan, part.pose, returns, settings.shorten_depth)
         deepest = np.maximum(deepest, inside)
-        rings = part.rings if np.array_equal(fan.free, part.fan.free) else star_rings(fan, part.pose)
-        thinned = tuple(thin_ring(ring, settings.simplification) for ring in rings)
-        agreed.append(replace(part, fan=fan, rings=thinned))
+        agreed.append(replace(part, fan=fan, simplification=settings.simplification))
     flags = np.split(
         deepest > settings.contradiction_depth, np.cumsum([len(p.returns) for p in detected])[:-1]
     )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from snnav_core.errors import InvalidInput, ScanError
 from snnav_core.sensing.star import BeamFan, star_rings
+from snnav_core.sensing.thinning import thin_ring
 from snnav_core.types import FloatArray, Pose2D
 
 __all__ = [
@@ -174,9 +175,6 @@ class DetectedArea:
         Time of the measurement [s].
     pose : Pose2D
         Pose of the sensor [map].
-    rings : tuple of ndarray, each shape (N, 2)
-        Open counter-clockwise outlines of what is free [m, map], one for every run of neighbouring beams that
-        see, starting at the sensor; one without the sensor when a full circle sees.
     returns : ndarray, shape (K, 2)
         Positions of the measured surfaces [m, map].
     return_beam : ndarray of int, shape (K,)
@@ -185,16 +183,27 @@ class DetectedArea:
         Number of beams per class.
     fan : BeamFan
         The free lengths that the rings enclose.
+    simplification : float
+        The outlines may lose points, and the area this much, see `thin_ring` [m].
     """
 
     sensor_id: str
     stamp: float
     pose: Pose2D
-    rings: tuple[FloatArray, ...]
     returns: FloatArray
     return_beam: NDArray[np.int64]
     counts: BeamCounts
     fan: BeamFan
+    simplification: float = 0.0
+
+    @cached_property
+    def rings(self) -> tuple[FloatArray, ...]:
+        """Open counter-clockwise outlines of what is free, each (N, 2) [m, map].
+
+        One for every run of neighbouring beams that see, starting at the sensor; one without the sensor when a full
+        circle sees.
+        """
+        return tuple(thin_ring(ring, self.simplification) for ring in star_rings(self.fan, self.pose))
 
     @cached_property
     def polygon(self) -> shapely.Polygon | shapely.MultiPolygon:
@@ -246,12 +255,11 @@ def detect_planar(
     classes = _classify(scan, settings)
     free = _free_lengths(scan, classes, settings)
     fan = BeamFan(free, scan.angle_min, scan.angle_increment, settings.jump_ratio, settings.jump_distance)
-    rings = star_rings(fan, pose)
     beam = np.flatnonzero(classes <= _CUT)
     angles = pose.heading + scan.angles[beam]
     returns = pose.position + scan.ranges[beam, None] * np.column_stack((np.cos(angles), np.sin(angles)))
     counts = BeamCounts(*np.bincount(classes, minlength=9).tolist())
-    return DetectedArea(sensor_id, scan.stamp, pose, rings, returns, beam, counts, fan)
+    return DetectedArea(sensor_id, scan.stamp, pose, returns, beam, counts, fan)
 
 
 def _classify(scan: PlanarScan, settings: ScanSettings) -> NDArray[np.uint8]:
