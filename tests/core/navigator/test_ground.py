@@ -105,7 +105,7 @@ def test_outside_the_area_or_touching_its_boundary_the_start_is_blocked(pose: Po
     assert stopped(decision, StopReason.START_BLOCKED, place, f"{clearance} m", "radius 0.20 m")
 
 
-@pytest.mark.parametrize("goal", [(18.0, 0.2), (18.0, -5.0), (1e12, 6.0), (-1e300, 1e300)])
+@pytest.mark.parametrize("goal", [(18.0, 0.2), (18.0, -5.0), (1e12, 6.0), (-1e150, 1e150)])
 def test_a_target_too_near_the_boundary_or_outside_is_blocked(goal: tuple[float, float]) -> None:
     decision = step(navigator(), goal=goal)
     assert stopped(

@@ -216,3 +216,32 @@ def test_two_runs_of_several_robots_are_the_same(closed_loop: Callable[..., Any]
     poses, goals = ring("abc")
     logs = [closed_loop(navigator("abc"), area().restamped, poses, goals, 5.0) for _ in range(2)]
     assert logs[0].digests() == logs[1].digests()
+
+
+@pytest.mark.parametrize("seed", [1, 3, 5])
+def test_five_robots_among_obstacles_keep_apart_and_arrive(
+    closed_loop: Callable[..., Any], seed: int
+) -> None:
+    generator = np.random.default_rng(seed)
+    free = area(*(shapely.box(x, y, x + 1.2, y + 1.2) for x, y in generator.uniform((3, 2), (16, 9), (4, 2))))
+    places = free.region.buffer(-0.5)
+
+    def draw() -> list[tuple[float, float]]:
+        """Return five places apart from each other."""
+        chosen: list[tuple[float, float]] = []
+        for x, y in generator.uniform((0.0, 0.0), (20.0, 12.0), (300, 2)).tolist():
+            apart = all(math.dist((x, y), other) > 1.6 for other in chosen)
+            if apart and len(chosen) < 5 and places.contains(shapely.Point(x, y)):
+                chosen.append((x, y))
+        return chosen
+
+    poses = {
+        name: Pose2D(x, y, float(generator.uniform(-3, 3)))
+        for name, (x, y) in zip("abcde", draw(), strict=True)
+    }
+    goals = dict(zip("abcde", draw(), strict=True))
+    log = closed_loop(navigator("abcde"), free.restamped, poses, goals, 120.0)
+    assert least_separation(log) >= APART - 1e-6
+    assert all_arrived(log)
+    for robot in poses:
+        assert free.clearance(log.positions(robot)).min() >= MARGIN
