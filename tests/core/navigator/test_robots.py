@@ -176,6 +176,26 @@ def test_a_robot_that_is_not_heard_of_any_more_is_not_run_into(order: str) -> No
     assert np.linalg.norm(positions["a"][-1] - (15.0, 6.0)) < 0.2
 
 
+def test_what_a_later_robot_decides_counts_for_those_before_it_too() -> None:
+    """The first robot plans behind the last path of the second, which then loses its goal and stands."""
+    nav, goals = navigator("ab"), {"a": (15.0, 6.0), "b": (17.0, 6.0)}
+    places = {"a": (4.0, 6.0), "b": (5.3, 6.0)}
+    for time, known in ((0.0, goals), (0.5, {"a": goals["a"]})):
+        shift = 0.5 * time
+        states = {n: RobotState(n, Pose2D(x + shift, y, 0.0), time) for n, (x, y) in places.items()}
+        result = nav.step(time, area(stamp=time), states, known)
+    assert result.decisions["b"].reason is StopReason.NO_GOAL
+    first = result.decisions["a"]
+    if isinstance(first, Stop):
+        assert first.reason is StopReason.BLOCKED_BY_ROBOT
+        assert "robot b" in first.message
+    else:
+        times = np.linspace(0.5, first.certificate.valid_until, 200)
+        gaps = np.linalg.norm(first.path.positions_at(times) - states["b"].pose.position, axis=1)
+        assert gaps.min() >= APART - 1e-6
+        assert first.certificate.least_separation <= gaps.min() - RADIUS + 1e-6
+
+
 @pytest.mark.parametrize("closes", [6.0, 9.5, 11.5])
 def test_a_door_that_shuts_stops_the_robot_before_it(closed_loop: Callable[..., Any], closes: float) -> None:
     frame = (shapely.box(9.0, 0.0, 10.0, 5.0), shapely.box(9.0, 7.0, 10.0, 12.0))
