@@ -1,4 +1,4 @@
-"""Repeat the acceptance on real buildings: log -> bag -> network -> closed loop, ten routes in each building."""
+"""Drive through real buildings: log -> bag -> network -> closed loop, ten routes in each building."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The acceptance on real buildings as a table, as CSV and JSON, and as one figure for each building."""
+"""Drives through real buildings as a table, as CSV and JSON, and as one figure for each building."""
 
 from __future__ import annotations
 
