@@ -18,6 +18,7 @@ from snnav_core.sensing.thinning import thin_ring
 from snnav_core.types import FloatArray
 
 __all__ = [
+    "LostPart",
     "UnoccupiedArea",
     "as_multipolygon",
     "component_at",
@@ -48,6 +49,24 @@ def _ring(coordinates: FloatArray, counter_clockwise: bool) -> FloatArray:
 
 
 @dataclass(frozen=True)
+class LostPart:
+    """What a sensor saw last that is silent now.
+
+    Parameters
+    ----------
+    sensor_id : str
+    stamp : float or None
+        Of its last usable scan [s]; None when there never was one.
+    region : shapely.MultiPolygon
+        What that scan showed to be free [m, map]; empty when there never was one.
+    """
+
+    sensor_id: str
+    stamp: float | None
+    region: MultiPolygon
+
+
+@dataclass(frozen=True)
 class UnoccupiedArea:
     """What is known to be free of obstacles; everything else counts as obstacle (Ch. 3, A(t)).
 
@@ -59,11 +78,14 @@ class UnoccupiedArea:
         Closed polygons with holes [m, map], possibly empty.
     contradictions : mapping of str to int
         Per sensor: returns that lie well inside what other sensors called free.
+    lost : tuple of LostPart
+        One for every sensor that is silent at the stamp; explains refusals, changes no decision.
     """
 
     stamp: float
     region: MultiPolygon
     contradictions: Mapping[str, int] = field(default_factory=dict)
+    lost: tuple[LostPart, ...] = ()
 
     def __post_init__(self) -> None:
         # One orientation everywhere: an area that went through a message plans to the last bit like the original.
@@ -116,11 +138,15 @@ class UnoccupiedArea:
         """Signed distance to the boundary of the area, for many points at once."""
         return ClearanceField(self.rings)
 
-    def restamped(self, stamp: float, contradictions: Mapping[str, int] | None = None) -> UnoccupiedArea:
+    def restamped(
+        self,
+        stamp: float,
+        contradictions: Mapping[str, int] | None = None,
+        lost: tuple[LostPart, ...] | None = None,
+    ) -> UnoccupiedArea:
         """The same region at another time [s], sharing what was computed from it."""
-        twin = UnoccupiedArea(
-            stamp, self.region, self.contradictions if contradictions is None else contradictions
-        )
+        contradictions = self.contradictions if contradictions is None else contradictions
+        twin = UnoccupiedArea(stamp, self.region, contradictions, self.lost if lost is None else lost)
         twin.__dict__["rings"] = self.rings
         twin.__dict__["clearance_field"] = self.clearance_field
         return twin
