@@ -38,7 +38,7 @@ class AreaContext:
 
     def __init__(self, area: UnoccupiedArea, simplification: float) -> None:
         self.area = area
-        self._simplification = simplification
+        self.simplification = simplification
         self._reduced: dict[float, MultiPolygon] = {}
         self._without: dict[tuple[float, Disks], MultiPolygon] = {}
         self._curves: dict[bytes, AreaCurves] = {}
@@ -67,7 +67,7 @@ class AreaContext:
         key = round(distance, 6)
         if key not in self._reduced:
             share = _NARROW_SHARE if distance < 1.0 else _WIDE_SHARE
-            tolerance = min(self._simplification, share * distance)
+            tolerance = min(self.simplification, share * distance)
             self._reduced[key] = reduce_area(self.area.region, distance, tolerance)
         if not disks:
             return self._reduced[key]

@@ -13,6 +13,7 @@ from snnav_core.area.planar import UnoccupiedArea, shrink
 from snnav_core.errors import InvalidInput
 from snnav_core.navigator.attempt import Attempt
 from snnav_core.navigator.context import AreaContext
+from snnav_core.navigator.explain import Explainer
 from snnav_core.navigator.robot_planner import RobotMemory, plan_robot
 from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
 from snnav_core.planning.separation import OtherRobot, separation
@@ -50,6 +51,7 @@ class GroundNavigator:
         """Forget all paths, as after a jump of time."""
         self._memory: dict[str, RobotMemory] = {}
         self._states: dict[str, RobotState] = {}
+        self._explainer = Explainer(self.settings.search_interval)
         self._context: AreaContext | None = None
         self._changed = True
         self._time = -math.inf
@@ -113,16 +115,16 @@ class GroundNavigator:
         """The part of an older area that is free for sure at `time` [s]; nothing when it is older than the window."""
         age, interval = time - area.stamp, self.settings.sampling_interval
         if not -interval <= age <= self.settings.time_window * interval:
-            return UnoccupiedArea(area.stamp, MultiPolygon(), area.contradictions)
+            return UnoccupiedArea(area.stamp, MultiPolygon(), area.contradictions, area.lost)
         if age <= _TIME_TOLERANCE:
             return area
         region = shrink(area.region, age * self.settings.boundary_speed)
-        return UnoccupiedArea(area.stamp, region, area.contradictions)
+        return UnoccupiedArea(area.stamp, region, area.contradictions, area.lost)
 
     def _update_context(self, area: UnoccupiedArea) -> None:
         fresh = AreaContext(area, self.settings.simplification)
         if self._context is not None and self._context.digest == fresh.digest:
-            self._context.area = self._context.area.restamped(area.stamp, area.contradictions)
+            self._context.area = self._context.area.restamped(area.stamp, area.contradictions, area.lost)
             self._changed = False
         else:
             self._context, self._changed = fresh, True
@@ -174,21 +176,24 @@ class GroundNavigator:
             return Stop(
                 robot.id, StopReason.NO_GOAL, f"goal {goal} of robot {robot.id} is not finite; set another"
             )
-        if context.area.is_empty:
-            message = f"nothing is known to be free by the area stamped {context.area.stamp:.2f} s; check the sensors"
-            return Stop(robot.id, StopReason.NO_AREA, message)
         memory = self._memory.get(robot.id)
         if memory is None or memory.goal != goal:
             memory = RobotMemory(goal, np.array(goal, dtype=np.float64))
         position, distances = state.pose.position, self._distances[robot.id]
+        attempt = Attempt(
+            context, robot, state.pose, memory.target, time, others, distances, self.settings, distances.least
+        )
+        if context.area.is_empty:
+            message = f"nothing is known to be free by the area stamped {context.area.stamp:.2f} s; check the sensors"
+            return self._explainer.explain(Stop(robot.id, StopReason.NO_AREA, message), attempt, goal)
         distance = float(np.linalg.norm(position - memory.target))
         if memory.arrived or min(distance, math.dist(goal, position)) <= distances.arrival:
             self._memory[robot.id] = replace(memory, arrived=True, plan=None)
             return Stop(robot.id, StopReason.ARRIVED, f"robot {robot.id} is {distance:.2f} m from its target")
-        attempt = Attempt(
-            context, robot, state.pose, memory.target, time, others, distances, self.settings, distances.least
-        )
         decision, self._memory[robot.id] = plan_robot(attempt, memory, self._changed)
+        if isinstance(decision, Stop):
+            return self._explainer.explain(decision, attempt, goal)
+        self._explainer.forget(robot.id)
         return decision
 
     def _state_fault(self, time: float, state: RobotState | None) -> str:
