@@ -9,7 +9,7 @@ from snnav_ros.convert.frames import MAP_FRAME, check_frame, yaw_from_message, y
 from snnav_ros.convert.grid import area_to_grid
 from snnav_ros.convert.odometry import goal_from_message, odometry_to_message, state_from_message
 from snnav_ros.convert.path import path_from_message, path_to_message, stop_to_path
-from snnav_ros.convert.scan import scan_from_message, scan_to_message
+from snnav_ros.convert.scan import is_nothing, nothing_to_message, scan_from_message, scan_to_message
 from snnav_ros.convert.stamps import (
     nanoseconds,
     nanoseconds_from_stamp,
@@ -27,8 +27,10 @@ __all__ = [
     "area_to_message",
     "check_frame",
     "goal_from_message",
+    "is_nothing",
     "nanoseconds",
     "nanoseconds_from_stamp",
+    "nothing_to_message",
     "odometry_to_message",
     "path_from_message",
     "path_to_message",

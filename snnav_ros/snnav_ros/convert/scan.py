@@ -1,4 +1,8 @@
-"""sensor_msgs/LaserScan and PlanarScan; the message holds single precision."""
+"""sensor_msgs/LaserScan and PlanarScan; the message holds single precision.
+
+A LaserScan without beams says "nothing more": in lockstep a scanner ends a tick with it that has no scan stamped with
+the tick.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,7 @@ from snnav_ros.available import new_message
 from snnav_ros.convert.frames import header
 from snnav_ros.convert.stamps import seconds_from_stamp
 
-__all__ = ["scan_from_message", "scan_to_message"]
+__all__ = ["is_nothing", "nothing_to_message", "scan_from_message", "scan_to_message"]
 
 
 def scan_to_message(scan: PlanarScan, frame: str, stamp_ns: int) -> Any:
@@ -42,3 +46,13 @@ def scan_from_message(message: Any) -> PlanarScan:
         range_min=float(message.range_min),
         range_max=float(message.range_max),
     )
+
+
+def nothing_to_message(sensor_id: str, stamp_ns: int) -> Any:
+    """Return the LaserScan that says "nothing more" of a sensor up to `stamp_ns`: it has no beams."""
+    return new_message("sensor_msgs/LaserScan", header=header(stamp_ns, sensor_id))
+
+
+def is_nothing(message: Any) -> bool:
+    """Return whether a LaserScan has no beams and so says "nothing more"."""
+    return len(message.ranges) == 0

@@ -11,7 +11,7 @@ from sensor_msgs.msg import LaserScan
 
 from snnav_core.errors import ScanError
 from snnav_core.sensing.scan import PlanarScan
-from snnav_ros.convert import scan_from_message, scan_to_message
+from snnav_ros.convert import is_nothing, nothing_to_message, scan_from_message, scan_to_message
 
 SINGLE = st.floats(width=32, allow_nan=True, allow_infinity=True)
 ANGLE = st.floats(-3.0, 3.0, width=32)
@@ -55,3 +55,16 @@ def test_message_survives_exactly(scan: PlanarScan) -> None:
 def test_scan_without_ranges_is_refused() -> None:
     with pytest.raises(ScanError, match="at least 2 beams"):
         scan_from_message(LaserScan(range_max=8.0, angle_increment=0.01))
+
+
+def test_the_message_without_beams_says_nothing_more_and_is_no_scan() -> None:
+    message = through_the_wire(nothing_to_message("lms_1", 1_500_000_000))
+    assert is_nothing(message)
+    assert (message.header.frame_id, message.header.stamp.sec) == ("lms_1", 1)
+    with pytest.raises(ScanError):
+        scan_from_message(message)
+
+
+@given(scans())
+def test_no_scan_passes_for_nothing(scan: PlanarScan) -> None:
+    assert not is_nothing(scan_to_message(scan, "lms_1", 0))

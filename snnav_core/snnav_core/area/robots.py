@@ -1,0 +1,130 @@
+"""Where robots were when floor-level sensors saw them (deviation C3-6)."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections import deque
+
+import numpy as np
+
+from snnav_core.errors import InvalidInput
+from snnav_core.types import FloatArray, Pose2D, RobotSpec
+
+__all__ = ["LONGEST_EXTRAPOLATION", "LONGEST_GAP", "RobotTrack"]
+
+LONGEST_GAP = 2.0
+"""Between two states farther apart than this the position is unknown [s]."""
+
+LONGEST_EXTRAPOLATION = 0.2
+"""Later than this after the last state the position is unknown [s]."""
+
+_STATES = 1000
+_SAME_TIME = 1e-6  # [s]
+
+
+class RobotTrack:
+    """The states of one robot in the order of their stamps, and its position in between.
+
+    Parameters
+    ----------
+    robot : RobotSpec
+
+    Notes
+    -----
+    Holds the last 1000 states; what was before the first of them is unknown.
+    """
+
+    def __init__(self, robot: RobotSpec) -> None:
+        self.robot = robot
+        self._stamps: deque[float] = deque(maxlen=_STATES)
+        self._poses: deque[Pose2D] = deque(maxlen=_STATES)
+        self._speed = 0.0
+
+    @property
+    def last_stamp(self) -> float | None:
+        """Stamp of the last state [s], or None."""
+        return self._stamps[-1] if self._stamps else None
+
+    def clear(self) -> None:
+        """Forget all states, as after a jump of time."""
+        self._stamps.clear()
+        self._poses.clear()
+
+    def add(self, stamp: float, pose: Pose2D, speed: float = 0.0) -> None:
+        """Take the state of the robot at `stamp` [s]; one with the stamp of the last state replaces it.
+
+        Parameters
+        ----------
+        stamp : float
+            Time of the state [s].
+        pose : Pose2D
+            Pose of the robot [map].
+        speed : float
+            Forward speed [m/s].
+
+        Raises
+        ------
+        InvalidInput
+            If a number is not finite, or the state is older than the last one.
+        """
+        if not all(map(math.isfinite, (stamp, pose.x, pose.y, pose.heading, speed))):
+            raise InvalidInput(
+                f"robot {self.robot.id!r}: state at {stamp} s with {pose} and speed {speed} m/s is not finite; "
+                "check its odometry"
+            )
+        last = self.last_stamp
+        if last is not None and stamp < last - _SAME_TIME:
+            raise InvalidInput(
+                f"robot {self.robot.id!r}: state stamped {stamp:.3f} s is older than its last ({last:.3f} s): ignored"
+            )
+        if last is not None and stamp <= last + _SAME_TIME:
+            self._stamps.pop()
+            self._poses.pop()
+        self._stamps.append(stamp)
+        self._poses.append(pose)
+        self._speed = speed
+
+    def position(self, stamp: float) -> FloatArray | None:
+        """Position (2,) [m, map] of the robot at a time [s], or None where it is unknown, see `place`."""
+        found = self.place(stamp)
+        return None if found is None else found[0]
+
+    def place(self, stamp: float) -> tuple[FloatArray, float] | None:
+        """Position of the robot at a time, and how far from there it may be.
+
+        Parameters
+        ----------
+        stamp : float
+            Time [s].
+
+        Returns
+        -------
+        (ndarray (2,), float) or None
+            Between two states no more than `LONGEST_GAP` apart: interpolated linearly, 0 m. Up to
+            `LONGEST_EXTRAPOLATION` after the last state: straight on at its speed, and the way that the robot may have
+            driven since, in case it stopped or turned [m]. None for any other time.
+        """
+        if not self._stamps or not math.isfinite(stamp):
+            return None
+        after = bisect_left(self._stamps, stamp - _SAME_TIME)
+        if after == len(self._stamps):
+            return self._extrapolated(stamp)
+        later = self._poses[after]
+        if self._stamps[after] <= stamp + _SAME_TIME:
+            return later.position, 0.0
+        gap = self._stamps[after] - self._stamps[after - 1] if after else math.inf
+        if gap > LONGEST_GAP + _SAME_TIME:
+            return None
+        share = (stamp - self._stamps[after - 1]) / gap
+        earlier = self._poses[after - 1].position
+        return earlier + share * (later.position - earlier), 0.0
+
+    def _extrapolated(self, stamp: float) -> tuple[FloatArray, float] | None:
+        elapsed = stamp - self._stamps[-1]
+        if elapsed > LONGEST_EXTRAPOLATION + _SAME_TIME:
+            return None
+        pose = self._poses[-1]
+        ahead = np.array([math.cos(pose.heading), math.sin(pose.heading)])
+        fastest = max(abs(self._speed), self.robot.speed)
+        return pose.position + elapsed * self._speed * ahead, elapsed * fastest
