@@ -17,7 +17,7 @@ from snnav_sim.report.record import Decision, RunRecord
 from snnav_sim.report.truth import GroundTruth
 from snnav_sim.scene import Scene, dump_scene
 
-__all__ = ["check_run_directory", "write_run_directory"]
+__all__ = ["check_run_directory", "write_run_directory", "write_tables"]
 
 TRAJECTORY_COLUMNS = ("time", "robot", "x", "y", "z", "heading", "pitch", "speed", "turn_rate")
 PATH_COLUMNS = ("time", "robot", "index", "x", "y", "z", "digest")
@@ -97,8 +97,7 @@ def _fill(
     (draft / "scene.yaml").write_text(dump_scene(replace(scene, seed=record.seed)), encoding="utf-8")
     text = json.dumps(metrics, indent=2, allow_nan=False, ensure_ascii=False)
     (draft / "metrics.json").write_text(text + "\n", encoding="utf-8")
-    _table(draft / "trajectories.csv", TRAJECTORY_COLUMNS, _trajectory_rows(record))
-    _table(draft / "paths.csv", PATH_COLUMNS, _path_rows(record.decisions))
+    write_tables(draft, record)
     (draft / "figures").mkdir()
     if figures:
         # drawing needs matplotlib, which takes a second to import
@@ -118,6 +117,12 @@ def _replace(path: Path, draft: Path) -> None:
     path.rename(old / "run")
     draft.rename(path)
     shutil.rmtree(old)
+
+
+def write_tables(directory: Path, record: RunRecord) -> None:
+    """Write trajectories.csv and paths.csv into a directory that is there."""
+    _table(directory / "trajectories.csv", TRAJECTORY_COLUMNS, _trajectory_rows(record))
+    _table(directory / "paths.csv", PATH_COLUMNS, _path_rows(record.decisions))
 
 
 def _table(path: Path, columns: tuple[str, ...], rows: Iterable[tuple[Any, ...]]) -> None:
