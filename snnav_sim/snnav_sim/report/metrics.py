@@ -90,7 +90,7 @@ def _robot(robot: RobotScene, scene: Scene, record: RunRecord, truth: GroundTrut
         rows = np.array([[0.0, *robot.start, robot.heading, 0.0, 0.0]])
     points, times = rows[:, 1:3], rows[:, 0]
     clearance = truth.clearance(points, times)
-    area_clearance = None if scene.movers else truth.area_clearance(points)
+    area_clearance, _ = truth.area_clearance(points, times)
     remaining = math.dist(points[-1], robot.target)
     reached = reason == StopReason.ARRIVED.value and remaining <= robot.speed * scene.sampling_interval
     travelled = float(np.sum(rows[:-1, 4] * np.diff(times)))
@@ -105,11 +105,9 @@ def _robot(robot: RobotScene, scene: Scene, record: RunRecord, truth: GroundTrut
         "reason": reason,
         "message": message,
         "remaining_distance": _rounded(remaining),
-        "least_area_clearance": None if area_clearance is None else _floored(float(area_clearance.min())),
+        "least_area_clearance": _floored(float(area_clearance.min())),
         "margin_violations": int(np.sum(clearance < scene.safety_margin)),
-        "area_margin_violations": (
-            None if area_clearance is None else int(np.sum(area_clearance < scene.safety_margin))
-        ),
+        "area_margin_violations": int(np.sum(area_clearance < scene.safety_margin)),
         "largest_turn_rate": float(np.abs(rows[:, 5]).max()),
     }
 

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
@@ -15,6 +16,7 @@ from snnav_core.types import FloatArray
 from snnav_sim.configure import fusion_settings, planar_sensor
 from snnav_sim.devices.recorded import Recorded
 from snnav_sim.report.optimum import reduced
+from snnav_sim.report.true_area import TrueMemory
 from snnav_sim.scene_types import Scene
 from snnav_sim.world import World
 
@@ -74,18 +76,46 @@ class GroundTruth:
         """
         if not self.scene.recorded:
             return self.world.obstacle_clearance(points, times)
-        clearance = self.area_clearance(points)
+        clearance = self.area_clearance(points, times)[0]
         if len(self.returns) > 0:
             np.minimum(clearance, self._tree.query(points)[0], out=clearance)
         return clearance
 
-    def area_clearance(self, points: FloatArray) -> FloatArray:
-        """Return the signed distance of points (N, 2) to the boundary of `area` [m], negative outside, shape (N,)."""
-        boundary = shapely.boundary(self.area)
-        shapely.prepare(self.area)
+    def area_clearance(self, points: FloatArray, times: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Return the signed distance to the boundary of the true unoccupied area, memory included.
+
+        Parameters
+        ----------
+        points : ndarray, shape (N, 2)
+            [m, map]
+        times : ndarray, shape (N,)
+            [s]
+
+        Returns
+        -------
+        clearance : ndarray, shape (N,)
+            [m]; negative outside. For recorded sensors: to the boundary of the fused area.
+        exact : ndarray of bool, shape (N,)
+            Where it is the distance itself and not a lower bound, see `TrueMemory.clearance`; the least and all below
+            the safety margin are.
+        """
+        if self.memory.moves:
+            return self.memory.clearance(points, times)
+        boundary = shapely.boundary(self._whole)
+        shapely.prepare(self._whole)
         distance: FloatArray = shapely.distance(shapely.points(points), boundary)
-        inside = shapely.intersects_xy(self.area, points[:, 0], points[:, 1])
-        return np.where(inside, distance, -distance)
+        inside = shapely.intersects_xy(self._whole, points[:, 0], points[:, 1])
+        return np.where(inside, distance, -distance), np.ones(len(points), dtype=np.bool_)
+
+    @cached_property
+    def memory(self) -> TrueMemory:
+        """What the sensors can know to be free at best among moving bodies."""
+        return TrueMemory(self.world)
+
+    @cached_property
+    def _whole(self) -> BaseGeometry:
+        """What is known for ever where nothing moves, with the bodies that stand [m, map]."""
+        return self.world.true_unoccupied_area() if self.scene.movers else self.area
 
     @cached_property
     def _fused(self) -> tuple[BaseGeometry, FloatArray]:
