@@ -23,12 +23,13 @@ def thin_ring(ring: FloatArray, tolerance: float) -> FloatArray:
     Returns
     -------
     ndarray, shape (M, 2)
-        A subset of the points in the same order. The enclosed region is a subset of the given one.
+        A subset of the points in the same order, at least three of three or more. The enclosed region is a subset of
+        the given one; a sliver thinner than the tolerance is left as it is.
     """
     if tolerance <= 0.0 or len(ring) < 4:
         return ring
     kept: FloatArray = ring[_chosen(np.ascontiguousarray(ring), tolerance)]
-    return kept
+    return kept if len(kept) >= 3 else ring
 
 
 @numba.njit(cache=True)
