@@ -217,6 +217,7 @@ class PathSource(Enum):
         "straight_leg"  # to the next bend of a way too tight for the turning radius, to stop and turn there
     )
     LAST_PATH = "last_path"  # the last certified path, followed inside its window
+    EVASION = "evasion"  # out of the way of what comes nearer, while there is no safe way to the target
 
 
 class StopReason(Enum):

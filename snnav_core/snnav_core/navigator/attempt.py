@@ -62,6 +62,8 @@ class Attempt:
     distances: RobotDistances
     settings: NavigatorSettings
     planning_distance: float
+    previous: AreaContext | None = None
+    """The area of the step before, when it was another one."""
 
     def adjusted(
         self, points: FloatArray, rotation: int, margins: FloatArray, max_passes: int, source: PathSource
@@ -153,6 +155,11 @@ class Attempt:
             else min(self.time + window, plan.path.end_time)
         )
         return plan.certificate.accepted and plan.certificate.valid_until >= whole - 1e-6
+
+    def is_whole(self, plan: PlannedPath) -> bool:
+        """Whether a plan is certified for the whole time window, standing at its end included."""
+        window = self.settings.time_window * self.settings.sampling_interval
+        return plan.certificate.accepted and plan.certificate.valid_until >= self.time + window - 1e-6
 
 
 def _longest_link(centres: FloatArray) -> float:

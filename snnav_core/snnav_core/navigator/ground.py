@@ -53,6 +53,7 @@ class GroundNavigator:
         self._states: dict[str, RobotState] = {}
         self._explainer = Explainer(self.settings.search_interval)
         self._context: AreaContext | None = None
+        self._previous: AreaContext | None = None
         self._changed = True
         self._time = -math.inf
 
@@ -125,9 +126,9 @@ class GroundNavigator:
         fresh = AreaContext(area, self.settings.simplification)
         if self._context is not None and self._context.digest == fresh.digest:
             self._context.area = self._context.area.restamped(area.stamp, area.contradictions, area.lost)
-            self._changed = False
+            self._previous, self._changed = None, False
         else:
-            self._context, self._changed = fresh, True
+            self._previous, self._context, self._changed = self._context, fresh, True
 
     def _others(
         self, name: str, time: float, decisions: Mapping[str, PlannedPath | Stop]
@@ -181,7 +182,16 @@ class GroundNavigator:
             memory = RobotMemory(goal, np.array(goal, dtype=np.float64))
         position, distances = state.pose.position, self._distances[robot.id]
         attempt = Attempt(
-            context, robot, state.pose, memory.target, time, others, distances, self.settings, distances.least
+            context,
+            robot,
+            state.pose,
+            memory.target,
+            time,
+            others,
+            distances,
+            self.settings,
+            distances.least,
+            self._previous,
         )
         if context.area.is_empty:
             message = f"nothing is known to be free by the area stamped {context.area.stamp:.2f} s; check the sensors"

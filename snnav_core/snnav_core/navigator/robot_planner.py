@@ -8,9 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from snnav_core.errors import GoalBlocked, GoalUnreachable, PlanningError, StartBlocked
-from snnav_core.navigator.attempt import Attempt, margin_profiles
+from snnav_core.navigator.attempt import Attempt
 from snnav_core.navigator.context import Disks
-from snnav_core.navigator.search import Route, find_route, next_corner, route_candidates
+from snnav_core.navigator.evasion import closes, evade, may_stand
+from snnav_core.navigator.plans import best_profile, better, profiles, turn_and_leg
+from snnav_core.navigator.search import Route, find_route, route_candidates
 from snnav_core.planning.adjustment import resample
 from snnav_core.planning.separation import OtherRobot
 from snnav_core.types import (
@@ -20,12 +22,10 @@ from snnav_core.types import (
     Pose2D,
     Stop,
     StopReason,
-    TimedPath,
 )
 
 __all__ = ["RobotMemory", "plan_robot"]
 
-_ALIGNED = 0.02  # a turn by less than this [rad] brings nothing
 _BY_ROBOT = " of robot "  # in the reasons of `separation`
 _RETRY = 2  # a fruitless search is repeated every so many steps while things change
 _DETOUR = 1.2  # a path certified for a part of the window is left for one at most so much longer ...
@@ -56,6 +56,8 @@ class RobotMemory:
     arrived : bool
     failure : tuple or None
         Situation and outcome of a fruitless search, so that it is not repeated while nothing changes.
+    evading : bool
+        The last path leads out of the way, not to the target.
     """
 
     goal: tuple[float, float]
@@ -65,6 +67,7 @@ class RobotMemory:
     steps_since_search: int = 0
     arrived: bool = False
     failure: tuple[tuple[object, ...], Stop] | None = None
+    evading: bool = False
 
 
 def plan_robot(
@@ -85,11 +88,34 @@ def plan_robot(
     -------
     decision, memory
     """
+    last, memory = memory, replace(memory, evading=False)
+    decision, memory = _to_target(
+        attempt, memory if not last.evading else replace(memory, plan=None), area_changed
+    )
+    if isinstance(decision, PlannedPath) and (attempt.is_full(decision) or not closes(attempt, decision)):
+        return decision, memory
+    if may_stand(attempt):
+        if isinstance(decision, PlannedPath):
+            message = f"robot {attempt.robot.id} waits: something comes nearer along its way"
+            decision = Stop(attempt.robot.id, StopReason.NO_PATH, message)
+        return decision, memory
+    away = _kept(attempt, last) if last.evading else None
+    if away is None or not attempt.is_whole(away):
+        away = better(away, evade(attempt, _standing(attempt, parked=False)))
+    if away is None or (isinstance(decision, PlannedPath) and better(decision, away) is decision):
+        return decision, memory
+    return away, replace(memory, evading=True)
+
+
+def _to_target(
+    attempt: Attempt, memory: RobotMemory, area_changed: bool
+) -> tuple[PlannedPath | Stop, RobotMemory]:
+    """The best certified path towards the target, or why there is none."""
     if memory.plan is not None:
         attempt = replace(attempt, planning_distance=memory.plan.planning_distance)
     best, memory = _warm(attempt, memory)
     if best is None or not attempt.is_full(best):
-        best = _better(best, _kept(attempt, memory))
+        best = better(best, _kept(attempt, memory))
     due = area_changed and memory.steps_since_search + 1 >= attempt.settings.search_interval
     if best is not None and attempt.is_full(best) and not due:
         return best, replace(memory, steps_since_search=memory.steps_since_search + 1)
@@ -103,7 +129,7 @@ def plan_robot(
     memory = replace(memory, target=found.target)
     decision = found.best
     if decision is None and found.route is not None and attempt.robot.can_turn_in_place:
-        decision = _turn_and_leg(attempt, found.route)
+        decision = turn_and_leg(attempt, found.route)
     if decision is None:
         return found.stop, replace(memory, failure=(situation, found.stop))
     return decision, memory
@@ -124,13 +150,6 @@ def _situation(attempt: Attempt) -> tuple[object, ...]:
     return attempt.context.digest, attempt.pose, others
 
 
-def _profiles(attempt: Attempt) -> list[FloatArray]:
-    present = attempt.context.clearance(attempt.pose.position)
-    return margin_profiles(
-        attempt.distances, attempt.settings, attempt.robot, attempt.planning_distance, present
-    )
-
-
 def _warm(attempt: Attempt, memory: RobotMemory) -> tuple[PlannedPath | None, RobotMemory]:
     """The last path, shifted to the robot and adjusted again; None when the certificate refuses it."""
     chain = _ahead(attempt, memory)
@@ -140,12 +159,12 @@ def _warm(attempt: Attempt, memory: RobotMemory) -> tuple[PlannedPath | None, Ro
     points = resample(chain, attempt.distances.link)
     rotation = _side(chain, attempt.pose)
     best: PlannedPath | None = None
-    profiles = _profiles(attempt)
-    first = 0 if memory.steps_since_search == 0 else min(memory.profile, len(profiles) - 1)
-    for index in (first, *(index for index in range(len(profiles)) if index != first)):
+    margins = profiles(attempt)
+    first = 0 if memory.steps_since_search == 0 else min(memory.profile, len(margins) - 1)
+    for index in (first, *(index for index in range(len(margins)) if index != first)):
         passes = attempt.settings.adjustment.warm_passes
-        plan = attempt.adjusted(points, rotation, profiles[index], passes, PathSource.WARM_START)
-        best = _better(best, plan)
+        plan = attempt.adjusted(points, rotation, margins[index], passes, PathSource.WARM_START)
+        best = better(best, plan)
         if attempt.is_full(plan):
             return plan, replace(memory, profile=index)
     return best, memory
@@ -165,7 +184,7 @@ def _search(attempt: Attempt, best: PlannedPath | None, memory: RobotMemory) -> 
         long = best is not None and candidate.length > (1.0 - settings.switch_gain) * best.path.length
         if best is not None and attempt.is_full(best) and long:
             break
-        plan = _best_profile(attempt, candidate.polyline, candidate.rotation, candidate.source)
+        plan = best_profile(attempt, candidate.polyline, candidate.rotation, candidate.source)
         if not plan.certificate.accepted:
             rejected = plan.certificate.reason
             by_robot = by_robot or _BY_ROBOT in rejected
@@ -189,20 +208,6 @@ def _route(attempt: Attempt, goal: FloatArray) -> Route:
         if parked == disks:
             raise
         return find_route(*arguments, parked)
-
-
-def _best_profile(attempt: Attempt, polyline: FloatArray, rotation: int, source: PathSource) -> PlannedPath:
-    """The candidate adjusted with the first margin profile that holds for the whole window, else the best of all."""
-    points = resample(polyline, attempt.distances.link)
-    best: PlannedPath | None = None
-    plan: PlannedPath | None = None
-    for margins in _profiles(attempt):
-        plan = attempt.adjusted(points, rotation, margins, attempt.settings.adjustment.cold_passes, source)
-        best = _better(best, plan)
-        if attempt.is_full(plan):
-            return plan
-    assert plan is not None
-    return best or plan
 
 
 def _replaces(attempt: Attempt, plan: PlannedPath, best: PlannedPath) -> bool:
@@ -257,31 +262,6 @@ def _kept(attempt: Attempt, memory: RobotMemory) -> PlannedPath | None:
         return None
     plan = attempt.along(chain, PathSource.LAST_PATH)
     return plan if plan.certificate.accepted else None
-
-
-def _turn_and_leg(attempt: Attempt, route: Route) -> PlannedPath | None:
-    """For ways too tight for the turning radius: turn on the spot towards the next bend, then straight to it."""
-    corner = next_corner(attempt.context, route, attempt.pose)
-    if corner is None:
-        return None
-    start, distances = attempt.pose.position, attempt.distances
-    heading = math.atan2(corner[1] - start[1], corner[0] - start[0])
-    if abs(math.remainder(heading - attempt.pose.heading, 2.0 * math.pi)) >= _ALIGNED:
-        points = np.repeat(start[None], distances.window_points + 1, axis=0)
-        path = TimedPath(attempt.time, distances.step, points, turn_to=heading)
-        plan = attempt.planned(path, PathSource.TURN_IN_PLACE)
-    else:
-        plan = attempt.along(np.vstack((start, corner)), PathSource.STRAIGHT_LEG)
-    return plan if plan.certificate.accepted else None
-
-
-def _better(best: PlannedPath | None, plan: PlannedPath | None) -> PlannedPath | None:
-    """The accepted plan with the longer window; None while none is accepted."""
-    if plan is None or not plan.certificate.accepted:
-        return best
-    if best is None or plan.certificate.valid_until > best.certificate.valid_until + 1e-6:
-        return plan
-    return best
 
 
 def _ahead(attempt: Attempt, memory: RobotMemory) -> FloatArray | None:

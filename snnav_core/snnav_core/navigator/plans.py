@@ -1,0 +1,63 @@
+"""From a way to a plan: adjusted, timed and certified."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from snnav_core.navigator.attempt import Attempt, margin_profiles
+from snnav_core.navigator.search import Route, next_corner
+from snnav_core.planning.adjustment import resample
+from snnav_core.types import FloatArray, PathSource, PlannedPath, TimedPath
+
+__all__ = ["best_profile", "better", "profiles", "turn_and_leg"]
+
+_ALIGNED = 0.02  # a turn by less than this [rad] brings nothing
+
+
+def profiles(attempt: Attempt) -> list[FloatArray]:
+    """Margins to plan for from where the robot stands, the preferred ones first, see `margin_profiles`."""
+    present = attempt.context.clearance(attempt.pose.position)
+    return margin_profiles(
+        attempt.distances, attempt.settings, attempt.robot, attempt.planning_distance, present
+    )
+
+
+def best_profile(attempt: Attempt, polyline: FloatArray, rotation: int, source: PathSource) -> PlannedPath:
+    """The candidate adjusted with the first margin profile that holds for the whole window, else the best of all."""
+    points = resample(polyline, attempt.distances.link)
+    best: PlannedPath | None = None
+    plan: PlannedPath | None = None
+    for margins in profiles(attempt):
+        plan = attempt.adjusted(points, rotation, margins, attempt.settings.adjustment.cold_passes, source)
+        best = better(best, plan)
+        if attempt.is_full(plan):
+            return plan
+    assert plan is not None
+    return best or plan
+
+
+def turn_and_leg(attempt: Attempt, route: Route) -> PlannedPath | None:
+    """For ways too tight for the turning radius: turn on the spot towards the next bend, then straight to it."""
+    corner = next_corner(attempt.context, route, attempt.pose)
+    if corner is None:
+        return None
+    start, distances = attempt.pose.position, attempt.distances
+    heading = math.atan2(corner[1] - start[1], corner[0] - start[0])
+    if abs(math.remainder(heading - attempt.pose.heading, 2.0 * math.pi)) >= _ALIGNED:
+        points = np.repeat(start[None], distances.window_points + 1, axis=0)
+        path = TimedPath(attempt.time, distances.step, points, turn_to=heading)
+        plan = attempt.planned(path, PathSource.TURN_IN_PLACE)
+    else:
+        plan = attempt.along(np.vstack((start, corner)), PathSource.STRAIGHT_LEG)
+    return plan if plan.certificate.accepted else None
+
+
+def better(best: PlannedPath | None, plan: PlannedPath | None) -> PlannedPath | None:
+    """The accepted plan with the longer window; None while none is accepted."""
+    if plan is None or not plan.certificate.accepted:
+        return best
+    if best is None or plan.certificate.valid_until > best.certificate.valid_until + 1e-6:
+        return plan
+    return best
