@@ -11,12 +11,14 @@ import numpy as np
 import yaml
 
 from snnav_sim.scene_check import check_scene
+from snnav_sim.scene_faults import fault_entry
 from snnav_sim.scene_read import read_scene
-from snnav_sim.scene_types import Circle, Mover, Polygon, RobotScene, Scene, SensorScene, Shape
+from snnav_sim.scene_types import Circle, Fault, Mover, Polygon, RobotScene, Scene, SensorScene, Shape
 from snnav_sim.scene_yaml import SceneError, read_document
 
 __all__ = [
     "Circle",
+    "Fault",
     "Mover",
     "Polygon",
     "RobotScene",
@@ -169,7 +171,11 @@ def _sensor(sensor: SensorScene) -> dict[str, Any]:
             entry["range_cut"] = sensor.range_cut
         return {**entry, "ranges": list(sensor.ranges)}
     entry["field_of_view_deg"] = _degrees(sensor.field_of_view)
-    return {**entry, "noise": sensor.noise, "drop_out": sensor.drop_out, "error_codes": sensor.error_codes}
+    entry |= {"noise": sensor.noise, "drop_out": sensor.drop_out, "error_codes": sensor.error_codes}
+    if sensor.scan_period is not None:
+        entry["scan_period"] = sensor.scan_period
+    entry |= {"scan_offset": sensor.scan_offset, "sees_robots": sensor.sees_robots}
+    return {**entry, "faults": [fault_entry(fault) for fault in sensor.faults]}
 
 
 def _robot(robot: RobotScene) -> dict[str, Any]:

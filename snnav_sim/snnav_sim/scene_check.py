@@ -6,7 +6,7 @@ import math
 
 import shapely
 
-from snnav_sim.scene_types import Circle, Point, Scene, Shape
+from snnav_sim.scene_types import Circle, Fault, Point, Scene, SensorScene, Shape
 from snnav_sim.scene_yaml import Field
 
 __all__ = ["check_scene"]
@@ -31,6 +31,7 @@ def check_scene(root: Field, scene: Scene) -> None:
         entries["sensors"].fail("an empty list", "add at least one range finder: without any nothing is free")
     _check_times(entries, scene)
     _check_ids(entries)
+    _check_scanners(entries, scene)
     _check_places(entries, scene)
     _check_overlap(entries, scene)
     _check_speeds(entries, scene)
@@ -51,6 +52,39 @@ def _check_times(entries: dict[str, Field], scene: Scene) -> None:
             f"sampling_interval {scene.sampling_interval:g} s is no whole multiple of control_period "
             f"{scene.control_period:g} s",
             f"give a control_period that divides it, or sampling_interval: {fitting:g}",
+        )
+
+
+def _check_scanners(entries: dict[str, Field], scene: Scene) -> None:
+    for item, sensor in zip(_items(entries, "sensors"), scene.sensors, strict=True):
+        children, period = item.children(), scene.scan_period(sensor)
+        if period < scene.control_period - 1e-9:
+            children["scan_period"].fail(
+                f"{period:g} is shorter than control_period {scene.control_period:g}",
+                "give at least the control period",
+            )
+        if sensor.scan_offset >= period:
+            children["scan_offset"].fail(
+                f"{sensor.scan_offset:g} is not below the time {period:g} s from scan to scan",
+                "give the time of the first scan",
+            )
+        for field, fault in zip(_items(children, "faults"), sensor.faults, strict=True):
+            _check_fault(field, fault, sensor)
+
+
+def _check_fault(field: Field, fault: Fault, sensor: SensorScene) -> None:
+    if fault.kind == "frozen" and sensor.noise == "none":
+        field.children()["kind"].fail(
+            "frozen beside noise: none",
+            "add noise: lms200; a repeated scan of a device without noise is the same as a world at rest",
+        )
+    added = sum(max(0, other.change) for other in sensor.faults)
+    beams = sensor.beams + (added if fault.change > 0 else fault.change)
+    most = max(sensor.beams, math.floor(2.0 * math.pi / sensor.resolution + 1.0 + 1e-6))
+    if fault.change and not 2 <= beams <= most:
+        field.children()["change"].fail(
+            f"{fault.change} leaves {beams} of {sensor.beams} beams",
+            f"leave at least 2 and, within one turn, at most {most}",
         )
 
 

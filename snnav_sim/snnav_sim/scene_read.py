@@ -7,10 +7,11 @@ import re
 
 import shapely
 
+from snnav_sim.scene_faults import read_fault
 from snnav_sim.scene_types import Circle, Mover, Point, Polygon, RobotScene, Scene, SensorScene, Shape
 from snnav_sim.scene_yaml import Field
 
-__all__ = ["LARGEST_SEED", "read_scene"]
+__all__ = ["LARGEST_SEED", "OPTIONAL", "REQUIRED", "SCANNER", "read_scene"]
 
 LARGEST_SEED = 2**53  # up to here every whole number is a double: YAML, JSON and ROS parameters agree
 
@@ -29,6 +30,17 @@ _ID = re.compile(r"[A-Za-z](_?[A-Za-z0-9])*")
 _RESERVED = ("sensors", "map", "unoccupied_area", "lockstep", "clock", "diagnostics")
 _LARGEST = 1e4  # [m]; coordinates beyond it are a mistake of units
 _MOST_BEAMS = 100_000
+SCANNER = (
+    "noise",
+    "range_min",
+    "no_return",
+    "drop_out",
+    "error_codes",
+    "scan_period",
+    "scan_offset",
+    "sees_robots",
+    "faults",
+)
 
 
 def read_scene(root: Field) -> Scene:
@@ -199,10 +211,7 @@ def _sensor(field: Field) -> SensorScene:
     if device == "recorded":
         entries = field.mapping((*common, "angle_min_deg", "ranges"), ("range_min", "no_return", "range_cut"))
         return _recorded(entries)
-    entries = field.mapping(
-        (*common, "field_of_view_deg"), ("noise", "range_min", "no_return", "drop_out", "error_codes")
-    )
-    return _simulated(entries)
+    return _simulated(field.mapping((*common, "field_of_view_deg"), SCANNER))
 
 
 def _range_limits(entries: dict[str, Field]) -> tuple[float, float]:
@@ -250,6 +259,14 @@ def _simulated(entries: dict[str, Field]) -> SensorScene:
         no_return=no_return,
         drop_out=entries["drop_out"].number("probability", 0.0, 1.0) if "drop_out" in entries else 0.0,
         error_codes=codes,
+        scan_period=entries["scan_period"].number("s", 0.0, 60.0, above=True)
+        if "scan_period" in entries
+        else None,
+        scan_offset=entries["scan_offset"].number("s", 0.0, 60.0) if "scan_offset" in entries else 0.0,
+        sees_robots=entries["sees_robots"].flag() if "sees_robots" in entries else False,
+        faults=tuple(read_fault(item) for item in entries["faults"].items("[{kind: ...}, ...]"))
+        if "faults" in entries
+        else (),
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from snnav_core.types import FloatArray, Pose2D, RobotSpec
 
-__all__ = ["Circle", "Mover", "Point", "Polygon", "RobotScene", "Scene", "SensorScene", "Shape"]
+__all__ = ["Circle", "Fault", "Mover", "Point", "Polygon", "RobotScene", "Scene", "SensorScene", "Shape"]
 
 Point = tuple[float, float]
 
@@ -76,6 +76,39 @@ class Mover:
 
 
 @dataclass(frozen=True, slots=True)
+class Fault:
+    """One thing that goes wrong with the scans of a sensor; which parameters count depends on the kind.
+
+    Parameters
+    ----------
+    kind : str
+        ``drop_out``, ``delay``, ``duplicate``, ``reorder``, ``nan``, ``zero``, ``beam_count``, ``frozen`` or
+        ``clock_offset``; see docs/scene-format.md.
+    begin, end : float
+        The fault meets scans measured from `begin` until before `end` [s].
+    probability : float
+        That it meets one of these scans.
+    seconds : float
+        Of a delay; of a clock offset, where a positive one is a clock that is ahead [s].
+    jitter : float
+        A delay is longer by up to this [s].
+    share : float
+        Of the beams that read NaN or zero.
+    change : int
+        Beams added to the end of a scan; cut from it where negative.
+    """
+
+    kind: str
+    begin: float = 0.0
+    end: float = math.inf
+    probability: float = 1.0
+    seconds: float = 0.0
+    jitter: float = 0.0
+    share: float = 0.0
+    change: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class SensorScene:
     """One planar range finder at a surveyed pose.
 
@@ -110,6 +143,14 @@ class SensorScene:
         The recorded scan [m]; empty for a simulated device.
     range_cut : float or None
         Longer recorded ranges are free only up to this one [m].
+    scan_period : float or None
+        Time from scan to scan [s]; None for the sampling interval, see `Scene.scan_period`.
+    scan_offset : float
+        Time of the first scan [s].
+    sees_robots : bool
+        Mounted on the floor: the device sees robots too.
+    faults : tuple of Fault
+        Each meets what the one before it left.
     """
 
     id: str
@@ -127,6 +168,10 @@ class SensorScene:
     error_codes: bool = False
     ranges: tuple[float, ...] = ()
     range_cut: float | None = None
+    scan_period: float | None = None
+    scan_offset: float = 0.0
+    sees_robots: bool = False
+    faults: tuple[Fault, ...] = ()
 
     @property
     def pose(self) -> Pose2D:
@@ -240,6 +285,15 @@ class Scene:
     def ticks_per_sample(self) -> int:
         """Number of control periods in a sampling interval."""
         return round(self.sampling_interval / self.control_period)
+
+    def scan_period(self, sensor: SensorScene) -> float:
+        """Time from scan to scan of a sensor [s]."""
+        return self.sampling_interval if sensor.scan_period is None else sensor.scan_period
+
+    @property
+    def sees_robots(self) -> bool:
+        """Whether any sensor stands on the floor and sees robots."""
+        return any(sensor.sees_robots for sensor in self.sensors)
 
     @property
     def recorded(self) -> bool:

@@ -31,7 +31,8 @@ class World:
 
     Notes
     -----
-    Robots are not part of it: range finders are mounted higher than any robot (assumption of ch. 3).
+    Robots are not part of it: range finders are mounted higher than any robot (assumption of ch. 3), except for those
+    that a scene says to see robots; they are told where robots are.
     """
 
     def __init__(self, scene: Scene) -> None:

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from snnav_sim.scene import (
     Circle,
+    Fault,
     Mover,
     Polygon,
     RobotScene,
@@ -24,6 +25,7 @@ from snnav_sim.scene import (
     load_scene,
     parse_scene,
 )
+from snnav_sim.scene_faults import FAULT_KINDS
 
 
 def test_the_example_of_the_contract(example: Scene) -> None:
@@ -49,6 +51,9 @@ def test_defaults(room: Scene) -> None:
     assert room.boundary_speed == 0.0
     sensor = room.sensors[0]
     assert (sensor.noise, sensor.range_min, sensor.no_return, sensor.drop_out) == ("none", 0.0, "free", 0.0)
+    assert (sensor.scan_offset, sensor.sees_robots, sensor.faults) == (0.0, False, ())
+    assert room.scan_period(sensor) == room.sampling_interval
+    assert not room.sees_robots
 
 
 @pytest.mark.parametrize(
@@ -111,15 +116,40 @@ square = st.builds(
 
 
 @st.composite
+def fault_lists(draw: st.DrawFn, noise: str) -> tuple[Fault, ...]:
+    """Faults of every kind, as long as the device has noise that a frozen scan can be told by."""
+
+    def fault(kind: str) -> Fault:
+        begin = draw(st.floats(0.0, 50.0))
+        return Fault(
+            kind,
+            begin,
+            draw(st.sampled_from([math.inf, begin + 1.0])),
+            draw(st.floats(1e-3, 1.0)),
+            seconds=draw(st.floats(0.001, 9.0)) if kind in ("delay", "clock_offset") else 0.0,
+            jitter=draw(st.floats(0.0, 9.0)) if kind == "delay" else 0.0,
+            share=draw(st.floats(1e-3, 1.0)) if kind in ("nan", "zero") else 0.0,
+            change=-1 if kind == "beam_count" else 0,
+        )
+
+    kinds = [kind for kind in FAULT_KINDS if kind != "frozen" or noise == "lms200"]
+    return tuple(fault(kind) for kind in draw(st.lists(st.sampled_from(kinds), max_size=4)))
+
+
+@st.composite
 def scenes(draw: st.DrawFn) -> Scene:
     """A scene with everything in it that the format knows."""
     view, count = draw(st.floats(1.0, 360.0)), draw(st.integers(5, 720))
+    interval, noise = draw(st.integers(1, 40)) * 0.05, draw(st.sampled_from(["none", "lms200"]))
+    period = draw(st.none() | st.floats(0.05, 60.0))
     sensors = [
         SensorScene(
             id="s1", device="lms200", position=draw(point), heading=draw(angle), field_of_view=math.radians(view),
             resolution=math.radians(view / count), range_max=draw(positive), angle_min=-math.radians(view) / 2,
-            noise=draw(st.sampled_from(["none", "lms200"])), no_return=draw(st.sampled_from(["free", "unknown"])),
-            drop_out=draw(st.floats(0.0, 1.0)),
+            noise=noise, no_return=draw(st.sampled_from(["free", "unknown"])),
+            drop_out=draw(st.floats(0.0, 1.0)), sees_robots=draw(st.booleans()), scan_period=period,
+            scan_offset=draw(st.floats(0.0, 0.99)) * (interval if period is None else period),
+            faults=draw(fault_lists(noise)),
         )
     ]  # fmt: skip
     boundary_speed = draw(st.floats(0.0, 0.4))
@@ -139,7 +169,7 @@ def scenes(draw: st.DrawFn) -> Scene:
     )
     return Scene(
         name=draw(st.text("abc 'äß:#-[{\"", min_size=1).filter(str.strip)),
-        sampling_interval=draw(st.integers(1, 40)) * 0.05,
+        sampling_interval=interval,
         border=Polygon(((0.0, 0.0), (100.0, 0.0), (100.0, 100.0), (0.0, 100.0))),
         safety_margin=draw(st.floats(0.4, 5.0)),
         sensors=tuple(sensors),

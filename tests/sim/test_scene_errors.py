@@ -75,6 +75,57 @@ MISTAKES = {
         "noise: none", "no_return: free, error_codes: true", 19, "sensors[0].no_return", "unknown",
     ),
     "seed beyond what a double holds": ("seed: 1", "seed: 9007199254740994", 3, "seed", "from 0 to 9007199254740992"),
+    "period below the control period": (
+        "noise: none", "scan_period: 0.04", 19, "sensors[0].scan_period", "at least the control period",
+    ),
+    "period of zero": ("noise: none", "scan_period: 0", 19, "sensors[0].scan_period", "above 0"),
+    "offset beyond the period": (
+        "noise: none", "scan_period: 0.5, scan_offset: 0.5", 19, "sensors[0].scan_offset", "first scan",
+    ),
+    "offset beyond the sampling interval": (
+        "noise: none", "scan_offset: 1.0", 19, "sensors[0].scan_offset", "not below the time 1 s",
+    ),
+    "sees robots": ("noise: none", "sees_robots: 1", 19, "sensors[0].sees_robots", "true or false"),
+    "faults that are no list": ("noise: none", "faults: {kind: nan}", 19, "sensors[0].faults", "[{kind: ...}"),
+    "fault without its kind": ("noise: none", "faults: [{share: 1}]", 19, "sensors[0].faults[0]", "add kind"),
+    "unknown fault": ("noise: none", "faults: [{kind: lost}]", 19, "sensors[0].faults[0].kind", "drop_out, delay"),
+    "fault without a key it needs": (
+        "noise: none", "faults: [{kind: delay}]", 19, "sensors[0].faults[0]", "add seconds",
+    ),
+    "key of another fault": (
+        "noise: none", "faults: [{kind: drop_out, share: 1}]", 19, "sensors[0].faults[0].share", "known here: kind",
+    ),
+    "fault that ends before it begins": (
+        "noise: none", "faults: [{kind: nan, share: 1, from: 3, until: 3}]", 19, "sensors[0].faults[0].until",
+        "3 is not after",
+    ),
+    "probability": (
+        "noise: none", "faults: [{kind: drop_out, probability: 2}]", 19, "sensors[0].faults[0].probability",
+        "at most 1",
+    ),
+    "share": ("noise: none", "faults: [{kind: nan, share: 0}]", 19, "sensors[0].faults[0].share", "above 0"),
+    "delay into the past": (
+        "noise: none", "faults: [{kind: delay, seconds: -1}]", 19, "sensors[0].faults[0].seconds", "at least 0",
+    ),
+    "no delay at all": (
+        "noise: none", "faults: [{kind: delay, seconds: 0}]", 19, "sensors[0].faults[0].seconds", "changes nothing",
+    ),
+    "clock that is right": (
+        "noise: none", "faults: [{kind: clock_offset, seconds: 0}]", 19, "sensors[0].faults[0].seconds", "remove",
+    ),
+    "beams neither more nor less": (
+        "noise: none", "faults: [{kind: beam_count, change: 0}]", 19, "sensors[0].faults[0].change", "changes nothing",
+    ),
+    "too few beams left": (
+        "noise: none", "faults: [{kind: beam_count, change: -360}]", 19, "sensors[0].faults[0].change", "1 of 361",
+    ),
+    "more beams than a turn has": (
+        "noise: none", "faults: [{kind: beam_count, change: 200}, {kind: beam_count, change: 161}]", 19,
+        "sensors[0].faults[0].change", "at most 721",
+    ),
+    "frozen without noise": (
+        "noise: none", "faults: [{kind: frozen}]", 19, "sensors[0].faults[0].kind", "add noise: lms200",
+    ),
     "broken YAML": ("seed: 1", "seed: [1", 4, "", "not valid YAML"),
 }  # fmt: skip
 

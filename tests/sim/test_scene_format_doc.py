@@ -9,15 +9,17 @@ from pathlib import Path
 import pytest
 
 from snnav_sim.scene import SceneError, parse_scene
-from snnav_sim.scene_read import OPTIONAL, REQUIRED
+from snnav_sim.scene_faults import FAULT_KINDS
+from snnav_sim.scene_read import OPTIONAL, REQUIRED, SCANNER
 from snnav_sim.simulation import simulate
 
 DOC = (Path(__file__).parents[2] / "docs" / "scene-format.md").read_text(encoding="utf-8")
+FAULTS = DOC.partition("### Faults of a sensor")[2]
 EXAMPLES = re.findall(r"```yaml\n(.*?)```", DOC, flags=re.DOTALL)
 
 
 def test_there_are_examples() -> None:
-    assert len(EXAMPLES) == 2
+    assert len(EXAMPLES) == 3
 
 
 @pytest.mark.parametrize("text", EXAMPLES)
@@ -37,5 +39,12 @@ def test_the_error_message_that_is_shown() -> None:
 
 
 def test_every_key_of_a_scene_is_described() -> None:
-    for key in (*REQUIRED, *OPTIONAL):
+    for key in (*REQUIRED, *OPTIONAL, *SCANNER):
         assert f"| `{key}` |" in DOC
+
+
+@pytest.mark.parametrize("kind", FAULT_KINDS)
+def test_every_fault_is_described_with_its_keys(kind: str) -> None:
+    (row,) = [line for line in FAULTS.splitlines() if line.startswith(f"| `{kind}` |")]
+    needed, optional = FAULT_KINDS[kind]
+    assert re.findall(r"`(\w+)`", row.split("|")[2]) == [*needed, *optional]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
+from snnav_core.area.robots import RobotTrack
 from snnav_core.sensing.scan import PlanarScan
 from snnav_sim.devices.lms200 import Lms200
 from snnav_sim.devices.recorded import Recorded
@@ -19,11 +21,13 @@ class RangeFinder(Protocol):
     sensor: SensorScene
 
     def scan(self, time: float) -> PlanarScan:
-        """Return the scan of a sampling instant [s]."""
+        """Return the scan measured at a time [s]."""
         ...
 
 
-def make_device(sensor: SensorScene, world: World, seed: int) -> RangeFinder:
+def make_device(
+    sensor: SensorScene, world: World, seed: int, robots: Sequence[RobotTrack] = ()
+) -> RangeFinder:
     """Return the device that a scene asks for.
 
     Parameters
@@ -33,5 +37,7 @@ def make_device(sensor: SensorScene, world: World, seed: int) -> RangeFinder:
         What it measures.
     seed : int
         Of its noise and drop-outs.
+    robots : sequence of RobotTrack
+        Where robots are; a device that `sees_robots` measures them.
     """
-    return Recorded(sensor) if sensor.device == "recorded" else Lms200(sensor, world, seed)
+    return Recorded(sensor) if sensor.device == "recorded" else Lms200(sensor, world, seed, robots)

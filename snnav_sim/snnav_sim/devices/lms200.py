@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from snnav_core.area.robots import RobotTrack
 from snnav_core.sensing.scan import LMS200_ERROR_CODES, PlanarScan
 from snnav_core.types import FloatArray
 from snnav_sim.devices.noise import Lms200Noise, generator
@@ -28,16 +31,22 @@ class Lms200:
     sensor : SensorScene
     world : World
     seed : int
+    robots : sequence of RobotTrack
+        Where robots are. A sensor that `sees_robots` measures their disks, as far as it is known where they were.
 
     Notes
     -----
     Without noise the ranges are exact, rounded down to single precision. A beam without return reads infinity,
     or an error code of the device when the scene asks for codes; a lost beam reads NaN, or a code; a surface
-    nearer than `range_min`, or a body that stands on the device, reads 0.
+    nearer than `range_min`, or a body or a robot that stands on the device, reads 0.
     """
 
-    def __init__(self, sensor: SensorScene, world: World, seed: int) -> None:
+    def __init__(
+        self, sensor: SensorScene, world: World, seed: int, robots: Sequence[RobotTrack] = ()
+    ) -> None:
         self.sensor = sensor
+        self._robots = robots if sensor.sees_robots else ()
+        self._period = world.scene.scan_period(sensor)
         self._world, self._seed = world, seed
         self._angle_min = float(np.float32(sensor.angle_min))
         self._increment = float(np.float32(sensor.resolution))
@@ -46,9 +55,9 @@ class Lms200:
         self._static = self._cast(world.static_segments, world.static_circles)
 
     def scan(self, time: float) -> PlanarScan:
-        """Return the scan of a sampling instant [s]."""
+        """Return the scan measured at a time [s]."""
         ranges = self.true_ranges(time)
-        number = round(time / self._world.scene.sampling_interval)
+        number = max(0, round((time - self.sensor.scan_offset) / self._period))
         returned = np.isfinite(ranges)
         if self._noise is not None:
             noisy = np.round((ranges + self._noise.sample(number)) / RANGE_RESOLUTION) * RANGE_RESOLUTION
@@ -73,11 +82,19 @@ class Lms200:
 
     def true_ranges(self, time: float) -> FloatArray:
         """Return the exact distance along every beam, infinity beyond `range_max`, shape (B,) [m]."""
-        if not self._world.scene.movers:
+        if not (self._world.scene.movers or self._robots):
             return self._static.copy()
         if self._world.is_covered(self.sensor.position, time):
             return np.zeros(self.sensor.beams)
-        return np.minimum(self._static, self._cast(*self._world.mover_shapes(time)))
+        segments, circles = self._world.mover_shapes(time)
+        circles = np.concatenate((circles, self._robot_disks(time)))
+        return np.minimum(self._static, self._cast(segments, circles))
+
+    def _robot_disks(self, time: float) -> FloatArray:
+        """Return x, y, radius [m, map] of the robots known at a time [s], shape (R, 3)."""
+        places = [(robot.position(time), robot.robot.radius) for robot in self._robots]
+        disks = [(*place.tolist(), radius) for place, radius in places if place is not None]
+        return np.array(disks, dtype=np.float64).reshape(-1, 3)
 
     def _cast(self, segments: FloatArray, circles: FloatArray) -> FloatArray:
         sensor = self.sensor

@@ -8,7 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from snnav_core.area.robots import RobotTrack
 from snnav_core.sensing.scan import LMS200_ERROR_CODES, detect_planar
+from snnav_core.types import Pose2D, RobotSpec
 from snnav_sim.configure import planar_sensor, scan_settings
 from snnav_sim.devices import make_device
 from snnav_sim.devices.lms200 import RANGE_RESOLUTION, Lms200
@@ -110,6 +112,38 @@ def test_a_surface_too_near_and_a_body_on_the_device_read_zero(room: Scene) -> N
     assert (covered.scan(0.0).ranges == 0.0).all()
     assert covered.scan(10.0).ranges[180] == pytest.approx(0.6, abs=1e-6)
     assert covered.scan(20.0).ranges[180] == pytest.approx(1.6, abs=1e-6)
+
+
+def track(*states: tuple[float, float, float]) -> RobotTrack:
+    """The track of a robot of 0.3 m radius by (time, x, y)."""
+    made = RobotTrack(RobotSpec("r", 0.3, 1.0, 1.0))
+    for time, x, y in states:
+        made.add(time, Pose2D(x, y, 0.0), 1.0)
+    return made
+
+
+def test_a_device_on_the_floor_sees_robots_where_they_were(room: Scene) -> None:
+    """Sensor a stands at (1, 4), the block begins 3 m ahead of it; a robot crosses before it from 0 to 4 s."""
+    robot, elsewhere = track((0.0, 2.5, 2.0), (2.0, 2.5, 4.0), (4.0, 2.5, 6.0)), track((0.0, 9.0, 7.0))
+    sensor = replace(room.sensors[0], sees_robots=True)
+    low = make_device(sensor, World(room), 1, [elsewhere, robot])
+    high = make_device(room.sensors[0], World(room), 1, [elsewhere, robot])
+    assert low.scan(2.0).ranges[180] == pytest.approx(1.2, abs=1e-6)
+    assert high.scan(2.0).ranges[180] == 3.0
+    for time in np.linspace(0.0, 4.0, 9).tolist():
+        distance = math.hypot(1.5, 2.0 - time)
+        bearing = math.atan2(time - 2.0, 1.5)
+        ranges = low.scan(time).ranges
+        nearest = int(np.argmin(np.abs(np.deg2rad(np.arange(360) - 180.0) - bearing)))
+        assert ranges[nearest] == pytest.approx(distance - 0.3, abs=0.01)
+        assert (ranges <= high.scan(time).ranges).all()
+    assert np.array_equal(low.scan(30.0).ranges, high.scan(30.0).ranges), "where a robot is then is not known"
+
+
+def test_a_robot_on_the_device_blinds_it(room: Scene) -> None:
+    sensor = replace(room.sensors[0], sees_robots=True)
+    low = make_device(sensor, World(room), 1, [track((0.0, 1.1, 4.1))])
+    assert (low.scan(0.0).ranges == 0.0).all()
 
 
 def test_range_accuracy_covers_the_noise(room: Scene) -> None:
