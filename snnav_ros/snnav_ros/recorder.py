@@ -10,6 +10,7 @@ from snnav_core.types import Pose2D, TimedPath, VelocityCommand
 from snnav_ros.bag.writer import BagWriter
 from snnav_ros.convert import (
     Verdict,
+    area_from_message,
     nanoseconds,
     nanoseconds_from_stamp,
     path_from_message,
@@ -113,10 +114,16 @@ class RunCollector:
             self._bag.write(topic, message, stamp)
 
     def take_data(self, key: str, topic: str, message: Any) -> None:
-        """Take a scan, the area or its grid; the key is the id of the sensor, `area` or `grid`."""
+        """Take a scan or the grid of the area; the key is the id of the sensor or `grid`."""
         stamp = nanoseconds_from_stamp(message.header.stamp)
         self.write(topic, message, stamp)
         self._latest[key] = max(self._latest[key], stamp)
+
+    def take_area(self, topic: str, message: Any) -> None:
+        """Take the unoccupied area."""
+        self.take_data("area", topic, message)
+        if not self.ended:
+            self.record.add_area(area_from_message(message, topic))
 
     def take_diagnostics(self, topic: str, message: Any) -> None:
         """Take diagnostics: they tell how long fusion and planner worked."""

@@ -98,6 +98,7 @@ class Simulation:
             for name, robot in self._robots.items()
         }
         result = self._navigator.step(time, area, states, self._goals)
+        self.record.add_area(area)
         self.record.fusion_seconds.append(fused - begin)
         self.record.planner_seconds.append(clock.perf_counter() - fused)
         for name, decision in result.decisions.items():

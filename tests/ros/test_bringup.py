@@ -35,7 +35,9 @@ def two_robots() -> Scene:
 
 def same_run(one: RunRecord, other: RunRecord) -> bool:
     same_ways = all(np.array_equal(one.trajectory(name), other.trajectory(name)) for name in other.samples)
-    return one.digests() == other.digests() and one.samples.keys() == other.samples.keys() and same_ways
+    same_areas = one.areas == other.areas and len(one.areas) == len(one.fusion_seconds)
+    same_robots = one.samples.keys() == other.samples.keys()
+    return one.digests() == other.digests() and same_robots and same_ways and same_areas
 
 
 @pytest.mark.parametrize("scene", [HELLO, two_robots()], ids=["hello", "two robots"])

@@ -41,7 +41,7 @@ class RecorderNode(Node):
         scans = for_mode(lockstep, SENSOR)
         for sensor in scene.sensors:
             self._hear(LaserScan, f"sensors/{sensor.id}/scan", partial(collector.take_data, sensor.id), scans)
-        self._hear(PointCloud2, "unoccupied_area", partial(collector.take_data, "area"), latched)
+        self._hear(PointCloud2, "unoccupied_area", collector.take_area, latched)
         self._hear(OccupancyGrid, "unoccupied_area/grid", partial(collector.take_data, "grid"), latched)
         self._hear(DiagnosticArray, "/diagnostics", collector.take_diagnostics, recorded)
         for robot in scene.robots:

@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+import shapely
+from shapely.geometry import MultiPolygon
 
+from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.types import FloatArray, PlannedPath, Pose2D, Stop, TimedPath, VelocityCommand
 
 __all__ = ["Decision", "RunRecord"]
@@ -67,6 +70,8 @@ class RunRecord:
         motion that begins at that time [s, m, rad, m/s, rad/s].
     decisions : list of Decision
         In order of publication.
+    areas : list of (float, MultiPolygon)
+        Sampling instant and unoccupied area as published [s; m, map].
     planner_seconds, fusion_seconds : list of float
         Duration of every step [s].
     reason : str
@@ -78,6 +83,7 @@ class RunRecord:
     seed: int
     samples: dict[str, list[tuple[float, float, float, float, float, float]]] = field(default_factory=dict)
     decisions: list[Decision] = field(default_factory=list)
+    areas: list[tuple[float, MultiPolygon]] = field(default_factory=list)
     planner_seconds: list[float] = field(default_factory=list)
     fusion_seconds: list[float] = field(default_factory=list)
     reason: str = ""
@@ -87,6 +93,13 @@ class RunRecord:
         """Note where a robot is at a time [s] and how it moves from there."""
         row = (time, pose.x, pose.y, pose.heading, motion.speed, motion.turn_rate)
         self.samples.setdefault(robot, []).append(row)
+
+    def add_area(self, area: UnoccupiedArea) -> None:
+        """Note the unoccupied area as published; equal ones are kept once."""
+        region = area.region
+        if self.areas and shapely.equals_exact(region, self.areas[-1][1]):
+            region = self.areas[-1][1]
+        self.areas.append((area.stamp, region))
 
     def trajectory(self, robot: str) -> FloatArray:
         """Return the rows of a robot, shape (N, 6): time, x, y, heading, speed, turn_rate."""
