@@ -4,167 +4,34 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from itertools import groupby
+from operator import itemgetter
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
+from snnav_core.area.agreement import agree, cut_returns
+from snnav_core.area.hiding import RobotHiding
+from snnav_core.area.history import SeenHistory
+from snnav_core.area.intake import TIME_TOLERANCE, is_repeated, same_ranges
 from snnav_core.area.memory import remember
-from snnav_core.area.planar import UnoccupiedArea, as_multipolygon, shrink
+from snnav_core.area.planar import LostPart, UnoccupiedArea, as_multipolygon, shrink
+from snnav_core.area.settings import FusionSettings, PlanarSensor
 from snnav_core.errors import InvalidInput
-from snnav_core.sensing.scan import DetectedArea, PlanarScan, ScanSettings, detect_planar
-from snnav_core.sensing.star import shorten_fan
-from snnav_core.types import FloatArray, Pose2D
+from snnav_core.sensing.scan import DetectedArea, PlanarScan, detect_planar
+from snnav_core.types import FloatArray, RobotSpec, RobotState
 
-__all__ = ["AreaFusion", "FusionSettings", "PlanarSensor", "agree", "cut_returns"]
+__all__ = ["AreaFusion", "FusionSettings", "PlanarSensor"]
 
-_TIME_TOLERANCE = 1e-6
+_SAME_PLACE = 1e-6  # [m]; nothing moves less than this far
 _NO_AREA = 1e-6  # [m^2]
+_MOST_STAMPS = 4  # at each of them all that is known shrinks: 8 ms with twelve scanners
 
 
-@dataclass(frozen=True)
-class PlanarSensor:
-    """A fixed planar range finder: its name, its surveyed pose in the map, how to read its ranges."""
-
-    id: str
-    pose: Pose2D
-    settings: ScanSettings = field(default_factory=ScanSettings)
-
-
-@dataclass(frozen=True, slots=True)
-class FusionSettings:
-    """How scans become the unoccupied area.
-
-    Parameters
-    ----------
-    boundary_speed : float
-        V_max: nothing that moves in the workspace is faster [m/s].
-    memory : bool
-        Keep what was free and cannot yet have been reached (A_mem, deviation C3-5). Without effect when
-        `boundary_speed` is zero: then every scan shows all there is.
-    max_scan_age : float
-        An older scan counts as no scan [s].
-    return_tolerance : float
-        A return this far [m] or less inside the union does not cut it; the planning reserve covers it.
-    return_radius : float
-        Half width of the obstacle that stands for one cut return [m].
-    shorten_depth : float
-        Where a return lies up to this far inside the area of another sensor, along its ray, that sensor's beams end at
-        the return [m]; a deeper return becomes a small obstacle of its own.
-    simplification : float
-        The outline of each sensor's area may lose points, and the area this much, before the union [m].
-    least_part : float
-        Parts of the area smaller than this are dropped: no robot fits into them [m^2].
-    contradiction_depth : float
-        A return farther inside the union than this [m] is counted as a contradiction.
-    """
-
-    boundary_speed: float = 0.0
-    memory: bool = True
-    max_scan_age: float = 1.0
-    return_tolerance: float = 0.001
-    return_radius: float = 0.01
-    shorten_depth: float = 0.1
-    simplification: float = 0.003
-    least_part: float = 0.05
-    contradiction_depth: float = 0.1
-
-    def __post_init__(self) -> None:
-        at_least_zero = (
-            "boundary_speed",
-            "return_tolerance",
-            "shorten_depth",
-            "simplification",
-            "least_part",
-        )
-        for name in (*at_least_zero, "contradiction_depth"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise InvalidInput(f"fusion setting {name} is {value}, must be a number >= 0")
-        for name in ("max_scan_age", "return_radius"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InvalidInput(f"fusion setting {name} is {value}, must be a positive number")
-
-
-def agree(
-    detected: Sequence[DetectedArea], settings: FusionSettings
-) -> tuple[list[DetectedArea], dict[str, int]]:
-    """Reconcile what the sensors saw: a return of any of them is an obstacle for all.
-
-    Measured from two places one wall never is in one place, and the union of both areas would hide the nearer
-    measurement: where a return lies a little inside the area of another sensor, that area ends there.
-
-    Parameters
-    ----------
-    detected : sequence of DetectedArea
-    settings : FusionSettings
-
-    Returns
-    -------
-    agreed : list of DetectedArea
-        Never larger than before.
-    contradictions : dict of str to int
-        Per sensor: its returns through which rays of another sensor passed by more than `contradiction_depth`.
-    """
-    if not detected:
-        return [], {}
-    returns = _all_returns(detected)
-    deepest = np.zeros(len(returns))
-    agreed = []
-    for part in detected:
-        fan, inside = shorten_fan(part.fan, part.pose, returns, settings.shorten_depth)
-        deepest = np.maximum(deepest, inside)
-        agreed.append(replace(part, fan=fan, simplification=settings.simplification))
-    flags = np.split(
-        deepest > settings.contradiction_depth, np.cumsum([len(p.returns) for p in detected])[:-1]
-    )
-    return agreed, {part.sensor_id: int(flag.sum()) for part, flag in zip(detected, flags, strict=True)}
-
-
-def cut_returns(
-    union: MultiPolygon, detected: Sequence[DetectedArea], settings: FusionSettings
-) -> MultiPolygon:
-    """Cut the returns that still lie inside a union of detected areas out of it (Ch. 3, total detected area).
-
-    Parameters
-    ----------
-    union : shapely.MultiPolygon
-        Union of the detected areas, with memory if wanted [m, map].
-    detected : sequence of DetectedArea
-        Their returns are obstacles for all sensors.
-    settings : FusionSettings
-
-    Returns
-    -------
-    shapely.MultiPolygon
-        The union itself when nothing lies inside.
-
-    Notes
-    -----
-    Deviation: the thesis takes the plain union. On real scanners a return of one node can lie inside what another
-    node's rays passed (pose error, thin objects, glass); the safe side wins.
-    """
-    returns = _all_returns(detected)
-    if union.is_empty or len(returns) == 0:
-        return union
-    depth, _ = UnoccupiedArea(0.0, union).clearance_field.query(returns)
-    inside = depth > settings.return_tolerance
-    if not inside.any():
-        return union
-    obstacles = shapely.buffer(shapely.multipoints(returns[inside]), settings.return_radius, quad_segs=1)
-    return _without_crumbs(as_multipolygon(shapely.difference(union, obstacles)), settings.least_part)
-
-
-def _all_returns(detected: Sequence[DetectedArea]) -> FloatArray:
-    return np.concatenate([part.returns for part in detected]) if detected else np.empty((0, 2))
-
-
-def _without_crumbs(region: MultiPolygon, least: float) -> MultiPolygon:
-    parts = shapely.get_parts(region)
-    return MultiPolygon(list(parts[shapely.area(parts) >= least]))
+_Group = tuple[float, list[BaseGeometry]]  # what was seen free at one time [s]
 
 
 class AreaFusion:
@@ -175,115 +42,237 @@ class AreaFusion:
     sensors : sequence of PlanarSensor
         The sensor network.
     settings : FusionSettings
+    robots : sequence of RobotSpec
+        Those that sensors with `sees_robots` can see; `add_state` says where they are.
 
     Raises
     ------
     InvalidInput
-        If there is no sensor or two have the same name.
+        If there is no sensor, or two sensors or two robots have the same name.
     """
 
-    def __init__(self, sensors: Sequence[PlanarSensor], settings: FusionSettings | None = None) -> None:
+    def __init__(
+        self,
+        sensors: Sequence[PlanarSensor],
+        settings: FusionSettings | None = None,
+        robots: Sequence[RobotSpec] = (),
+    ) -> None:
         self.sensors = {sensor.id: sensor for sensor in sensors}
         if not sensors or len(self.sensors) != len(sensors):
             raise InvalidInput(f"sensors {[s.id for s in sensors]}: need at least one, and different ids")
         self.settings = settings or FusionSettings()
-        self._scans: dict[str, PlanarScan] = {}
-        self._detected: dict[str, DetectedArea] = {}
-        self._agreed: tuple[list[DetectedArea], list[DetectedArea], dict[str, int]] = ([], [], {})
-        self._union: tuple[list[BaseGeometry], MultiPolygon] = ([], MultiPolygon())
-        self._area: UnoccupiedArea | None = None
-        self._nothing_remembered = True
+        keeps_lengths = not self.settings.remembers
+        self._robots = RobotHiding(robots, self.settings.robot_tolerance, keeps_lengths)
+        self._robots_are_seen = any(sensor.settings.sees_robots for sensor in sensors)
+        self._history = SeenHistory(list(self.sensors))
+        self.reset()
 
     def reset(self) -> None:
-        """Forget all scans and the memory, as after a jump of time."""
-        self._scans.clear()
-        self._detected.clear()
-        self._area = None
+        """Forget all scans, states of robots and the memory, as after a jump of time."""
+        self._robots.clear()
+        self._history.clear()
+        self._latest: dict[str, tuple[PlanarScan, DetectedArea]] = {}
+        self._folded: dict[str, PlanarScan] = {}  # scans that are part of what is known
+        self._agreed: tuple[list[DetectedArea], list[DetectedArea], dict[str, int]] = ([], [], {})
+        self._union: tuple[list[BaseGeometry], MultiPolygon] = ([], MultiPolygon())
         self._nothing_remembered = True
+        self._known: UnoccupiedArea | None = None  # at the newest stamp that is part of it
+        self._area: UnoccupiedArea | None = None
 
-    def add_scan(self, sensor_id: str, scan: PlanarScan) -> DetectedArea:
-        """Take a new scan of one sensor and return what it saw.
+    def add_scan(self, sensor_id: str, scan: PlanarScan, now: float | None = None) -> DetectedArea:
+        """Take a new scan of one sensor and return what it saw, robots included.
+
+        One that is refused leaves everything as it was, one that came before is taken for it.
+
+        Parameters
+        ----------
+        sensor_id : str
+        scan : PlanarScan
+        now : float, optional
+            Time at the arrival of the scan [s]: a stamp ahead of it lies. Without, a scan counts from its stamp on.
 
         Raises
         ------
         InvalidInput
-            If the sensor is unknown, or the scan is older than the last one of this sensor.
+            If the sensor is unknown, the stamp is ahead of `now` by more than `clock_tolerance`, older than the last
+            one, or that of other ranges, or if a device that never repeats itself froze.
         ScanError
             If the scan cannot be used.
         """
         sensor = self.sensors.get(sensor_id)
         if sensor is None:
             raise InvalidInput(f"scan of unknown sensor {sensor_id!r}; known: {sorted(self.sensors)}")
-        last = self._scans.get(sensor_id)
-        if last is not None and scan.stamp < last.stamp - _TIME_TOLERANCE:
-            raise InvalidInput(
-                f"scan of {sensor_id} stamped {scan.stamp:.3f} s is older than its last ({last.stamp:.3f} s): ignored"
-            )
-        if last is None or not _same_ranges(last, scan):
-            self._detected[sensor_id] = detect_planar(sensor_id, scan, sensor.pose, sensor.settings)
-        self._scans[sensor_id] = scan
-        return self._detected[sensor_id]
+        last = self._latest.get(sensor_id)
+        if is_repeated(sensor, scan, last, now, self.settings.clock_tolerance) and last is not None:
+            return last[1]
+        if last is not None and same_ranges(last[0], scan):
+            detected = last[1]
+        else:
+            detected = detect_planar(sensor_id, scan, sensor.pose, sensor.settings)
+        self._latest[sensor_id] = (scan, detected)
+        self._history.add(scan.stamp, detected)
+        return detected
+
+    def add_state(self, state: RobotState) -> None:
+        """Take where a robot is; before the `area` of the time at which sensors see it there.
+
+        Raises
+        ------
+        InvalidInput
+            If the robot is unknown, a number is not finite, or the state is older than the last one.
+        """
+        self._robots.add(state)
 
     def latest_stamp(self, sensor_id: str) -> float | None:
         """Stamp of the latest scan of a sensor [s], or None."""
-        scan = self._scans.get(sensor_id)
-        return None if scan is None else scan.stamp
+        latest = self._latest.get(sensor_id)
+        return None if latest is None else latest[0].stamp
 
     def silent_sensors(self, time: float) -> list[str]:
         """Sensors without a scan young enough at `time` [s]."""
         return [sensor_id for sensor_id in self.sensors if not self._is_usable(sensor_id, time)]
 
-    def area(self, time: float) -> UnoccupiedArea:
-        """The unoccupied area at `time` [s] from the latest scans; empty when there is none.
+    def last_seen(self, points: FloatArray, time: float) -> tuple[NDArray[np.int64], FloatArray]:
+        """Which sensor saw each of some points free last up to `time` [s], and when: see `SeenHistory.last_seen`.
 
-        A part that was seen `a` seconds ago is reduced by a V_max first; what was free before and cannot have been
-        reached since stays (memory).
+        The index counts the sorted ids of the sensors. Only the last 20 different scans of each sensor are known.
+        """
+        return self._history.last_seen(points, time)
+
+    def area(self, time: float) -> UnoccupiedArea:
+        """The unoccupied area at `time` [s]; empty when there is no scan.
+
+        Goes through what is new in the order of stamps: between two stamps what is known to be free shrinks by V_max
+        times the time between, then what was seen is added (memory, deviation C3-5). Without memory the same with the
+        latest scans alone; with V_max = 0 they show all there is.
 
         Raises
         ------
         InvalidInput
             If time runs backwards while memory is on; call `reset` after a jump.
         """
-        usable = [sensor_id for sensor_id in sorted(self._detected) if self._is_usable(sensor_id, time)]
-        parts = [self._detected[sensor_id] for sensor_id in usable]
+        if self.settings.remembers and self._area is not None and time < self._area.stamp:
+            raise InvalidInput(
+                f"area at {time} s asked for after that at {self._area.stamp} s; reset the memory after a jump of time"
+            )
+        usable = [sensor_id for sensor_id in sorted(self._latest) if self._is_usable(sensor_id, time)]
+        parts = [self._without_robots(sensor_id) for sensor_id in usable]
         if not _identical(parts, self._agreed[0]):
             self._agreed = (parts, *agree(parts, self.settings))
-        polygons = [self._aged(part, time) for part in self._agreed[1]]
-        last = self._area
-        unchanged = _identical(polygons, self._union[0])
-        if not unchanged:
-            self._union = (polygons, as_multipolygon(shapely.union_all(polygons)))
-        union, speed = self._union[1], self.settings.boundary_speed
-        if last is not None and unchanged and self._nothing_remembered:
-            self._area = last.restamped(time)
-            return self._area
-        if self.settings.memory and speed > 0.0 and last is not None:
-            remembered = as_multipolygon(remember(last.region, union, time - last.stamp, speed))
-            self._nothing_remembered = remembered.area - union.area < _NO_AREA
-            union = union if self._nothing_remembered else remembered
-        self._area = UnoccupiedArea(time, cut_returns(union, parts, self.settings), self._agreed[2])
+        before, lost = self._known, self._lost(time)
+        self._known = known = self._advanced(time, usable, lost)
+        reach = (time - known.stamp) * self.settings.boundary_speed
+        if reach > _SAME_PLACE:
+            region = shrink(known.region, reach)
+            disks = self._disks(time, [region])
+            if disks:
+                region = cut_returns(
+                    as_multipolygon(shapely.union_all([region, *disks])), parts, self.settings
+                )
+            self._area = UnoccupiedArea(time, region, self._agreed[2], lost)
+        else:
+            self._area = known if known is not before else known.restamped(time, self._agreed[2], lost)
         return self._area
 
-    def _aged(self, part: DetectedArea, time: float) -> BaseGeometry:
-        reach = (time - self._scans[part.sensor_id].stamp) * self.settings.boundary_speed
-        return shrink(part.polygon, reach) if reach > _TIME_TOLERANCE else part.polygon
+    def _advanced(self, time: float, usable: list[str], lost: tuple[LostPart, ...]) -> UnoccupiedArea:
+        """What is known to be free once all scans that are not yet part of it are added."""
+        known, groups = self._known, self._groups(time, usable)
+        remembers, found = self.settings.remembers, self._agreed[2]
+        if known is not None and not groups and remembers:
+            return known
+        if known is not None and len(groups) == 1 and self._shows_nothing_new(groups[0]):
+            stamp = groups[0][0]
+            return known.restamped(max(known.stamp, stamp) if remembers else stamp, found, lost)
+        region, at = (known.region, known.stamp) if known is not None and remembers else (None, -math.inf)
+        late = [group for group in groups if group[0] < at]
+        if region is not None and late:
+            region = as_multipolygon(shapely.union(region, self._fold(None, at, [*late, (at, [])])))
+        region = self._fold(region, at, groups[len(late) :])
+        at = max(at, groups[-1][0]) if groups else time
+        return UnoccupiedArea(at, cut_returns(region, self._agreed[0], self.settings), found, lost)
+
+    def _shows_nothing_new(self, group: _Group) -> bool:
+        return self._nothing_remembered and _identical(group[1], self._union[0])
+
+    def _groups(self, time: float, usable: list[str]) -> list[_Group]:
+        """What scans that are not yet part of the known area saw, by the time for which it holds, oldest first.
+
+        Scans of more than four stamps are put together with the next ones, each reduced by what may have moved since.
+        """
+        remembers, agreed = self.settings.remembers, dict(zip(usable, self._agreed[1], strict=True))
+        stamped = []
+        for sensor_id in usable:
+            scan = self._latest[sensor_id][0]
+            if remembers and self._folded.get(sensor_id) is scan:
+                continue
+            self._folded[sensor_id] = scan
+            stamp = scan.stamp - self.settings.clock_tolerance
+            if (time - stamp) * self.settings.boundary_speed <= _SAME_PLACE:
+                stamp = time
+            stamped.append((stamp, sensor_id))
+        groups = []
+        for stamp, members in groupby(sorted(self._gathered(stamped)), key=itemgetter(0)):
+            pieces = [self._aged(agreed[sensor_id], stamp - seen) for _, seen, sensor_id in members]
+            groups.append((stamp, pieces + self._disks(stamp, pieces)))
+        return groups
+
+    def _gathered(self, stamped: list[tuple[float, str]]) -> list[tuple[float, float, str]]:
+        """The time for which each scan counts, its own stamp and its sensor, with no more than so many times."""
+        stamps = sorted({stamp for stamp, _ in stamped})
+        counts_for = {stamp: stamp for stamp in stamps}
+        if len(stamps) > _MOST_STAMPS:
+            for together in np.array_split(np.array(stamps), _MOST_STAMPS):
+                counts_for.update(dict.fromkeys(together.tolist(), float(together[-1])))
+        return [(counts_for[stamp], stamp, sensor_id) for stamp, sensor_id in stamped]
+
+    def _aged(self, part: DetectedArea, age: float) -> BaseGeometry:
+        reach = age * self.settings.boundary_speed
+        return shrink(part.polygon, reach) if reach > 0.0 else part.polygon
+
+    def _fold(self, region: MultiPolygon | None, at: float, groups: list[_Group]) -> MultiPolygon:
+        """Go through groups: what was known to be free at a time shrinks until the next, which is added."""
+        for stamp, pieces in groups:
+            if not _identical(pieces, self._union[0]):
+                self._union = (pieces, as_multipolygon(shapely.union_all(pieces)))
+            union = self._union[1]
+            self._nothing_remembered = True
+            if region is not None:
+                remembered = remember(region, union, stamp - at, self.settings.boundary_speed)
+                self._nothing_remembered = remembered.area - union.area < _NO_AREA
+                union = union if self._nothing_remembered else remembered
+            region, at = union, stamp
+        return MultiPolygon() if region is None else region
+
+    def _disks(self, time: float, seen: Sequence[BaseGeometry]) -> list[BaseGeometry]:
+        """Where robots are that sensors see, if anything else is free."""
+        if not self._robots_are_seen or all(one.is_empty for one in seen):
+            return []
+        return list(self._robots.disks(time))
+
+    def _without_robots(self, sensor_id: str) -> DetectedArea:
+        scan, detected = self._latest[sensor_id]
+        if not self.sensors[sensor_id].settings.sees_robots:
+            return detected
+        return self._robots.without_robots(detected, scan.stamp)
+
+    def _lost(self, time: float) -> tuple[LostPart, ...]:
+        """What the sensors saw last that have no usable scan."""
+        lost = []
+        for sensor_id in sorted(self.silent_sensors(time)):
+            latest = self._latest.get(sensor_id)
+            if latest is None:
+                lost.append(LostPart(sensor_id, None, MultiPolygon()))
+            else:
+                lost.append(LostPart(sensor_id, latest[0].stamp, as_multipolygon(latest[1].polygon)))
+        return tuple(lost)
 
     def _is_usable(self, sensor_id: str, time: float) -> bool:
-        if sensor_id not in self._scans:
+        if sensor_id not in self._latest:
             return False
-        age = time - self._scans[sensor_id].stamp
-        return -_TIME_TOLERANCE <= age <= self.settings.max_scan_age + _TIME_TOLERANCE
+        age = time - self._latest[sensor_id][0].stamp
+        earliest = -self.settings.clock_tolerance - TIME_TOLERANCE
+        return earliest <= age <= self.settings.max_scan_age + TIME_TOLERANCE
 
 
 def _identical(first: Sequence[object], second: Sequence[object]) -> bool:
     return len(first) == len(second) and all(a is b for a, b in zip(first, second, strict=True))
-
-
-def _same_ranges(first: PlanarScan, second: PlanarScan) -> bool:
-    return (
-        first.angle_min == second.angle_min
-        and first.angle_increment == second.angle_increment
-        and first.range_min == second.range_min
-        and first.range_max == second.range_max
-        and np.array_equal(first.ranges, second.ranges, equal_nan=True)
-    )

@@ -116,6 +116,11 @@ class ScanSettings:
         A reading beyond it counts as free up to it only [m]; the surface it measured is an obstacle all the same.
     expected_beams : int or None
         Number of beams that every scan must have.
+    never_repeats : bool
+        Whether the device has noise, so that two of its scans are never the same: a later scan with exactly the ranges
+        of the last one then comes from a device that froze, and is refused. A device without noise needs `false`.
+    sees_robots : bool
+        Whether its beams meet robots (it stands on the floor): returns on known robots are no obstacles.
 
     Raises
     ------
@@ -130,6 +135,8 @@ class ScanSettings:
     jump_distance: float = 0.03
     range_cut: float | None = None
     expected_beams: int | None = None
+    never_repeats: bool = False
+    sees_robots: bool = False
 
     def __post_init__(self) -> None:
         for name in ("range_accuracy", "jump_ratio", "jump_distance"):

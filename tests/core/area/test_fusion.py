@@ -65,7 +65,7 @@ def random_room(generator: np.random.Generator) -> shapely.Polygon:
 
 
 def all_returns(fusion: AreaFusion) -> FloatArray:
-    return np.concatenate([part.returns for part in fusion._detected.values()])
+    return np.concatenate([part.returns for _, part in fusion._latest.values()])
 
 
 def depth(area: UnoccupiedArea, points: FloatArray) -> float:
@@ -122,8 +122,8 @@ def test_a_sensor_that_shows_nothing_counts_as_none() -> None:
     free = random_room(np.random.default_rng(3))
     fusion = network(3)
     measure(fusion, free)
-    fusion.add_scan("s2", scan(np.full(BEAMS, np.nan)))
-    assert shapely.equals(fusion.area(0.0).region, measure(network(2), free).region)
+    fusion.add_scan("s2", scan(np.full(BEAMS, np.nan), 0.1))
+    assert shapely.equals(fusion.area(0.1).region, measure(network(2), free).region)
 
 
 def test_what_one_sensor_looks_through_is_an_obstacle_for_all_and_counted() -> None:
@@ -133,7 +133,7 @@ def test_what_one_sensor_looks_through_is_an_obstacle_for_all_and_counted() -> N
     fusion.add_scan("s0", scan(ranges_in(shapely.difference(ROOM, pane), POSES[0])))
     fusion.add_scan("s1", scan(ranges_in(ROOM, POSES[1])))
     area = fusion.area(0.0)
-    on_pane = fusion._detected["s0"].returns
+    on_pane = fusion._latest["s0"][1].returns
     on_pane = on_pane[(np.abs(on_pane[:, 0] - 5.0) < 0.02) & (on_pane[:, 1] > 2.9) & (on_pane[:, 1] < 6.1)]
     assert len(on_pane) > 10
     assert depth(area, on_pane) <= fusion.settings.return_tolerance
@@ -188,7 +188,7 @@ def test_memory_keeps_what_was_free_and_out_of_reach_and_no_more(
     for step in (1, 2, 3):
         area = measure(fusion, random_room(generator), step * interval)
         seen = network(2)
-        for sensor_id, one in fusion._scans.items():
+        for sensor_id, (one, _) in fusion._latest.items():
             seen.add_scan(sensor_id, one)
         now = seen.area(step * interval).region
         points = shapely.get_coordinates(shapely.segmentize(area.region, 0.1))
@@ -268,7 +268,7 @@ def test_an_unknown_sensor_an_older_scan_and_one_with_wrong_beams_are_refused_an
     with pytest.raises(InvalidInput, match=r"0\.900 s is older than its last \(1\.000 s\)"):
         fusion.add_scan("s0", scan(0.5 * ranges, 0.9))
     with pytest.raises(ScanError, match="expected 360"):
-        fusion.add_scan("s0", scan(ranges[:100], 1.0))
+        fusion.add_scan("s0", scan(ranges[:100], 1.1))
     assert fusion.latest_stamp("s0") == 1.0
     assert shapely.equals(fusion.area(1.0).region, before.region)
 
@@ -301,7 +301,7 @@ def test_a_single_sensor_agrees_with_itself(seed: int) -> None:
     """Its own returns lie on its outline; by rounding they once took up to 1.4 m2 of a scan."""
     fusion = network(1, simplification=0.0, least_part=0.0)
     area = measure(fusion, random_room(np.random.default_rng(seed)))
-    assert shapely.symmetric_difference(area.region, fusion._detected["s0"].polygon).area < 1e-6
+    assert shapely.symmetric_difference(area.region, fusion._latest["s0"][1].polygon).area < 1e-6
 
 
 def test_the_order_of_arrival_does_not_matter() -> None:
