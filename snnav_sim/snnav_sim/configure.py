@@ -18,7 +18,8 @@ def scan_settings(sensor: SensorScene) -> ScanSettings:
     Notes
     -----
     With the noise of the LMS-200 every range is shortened by 0.02 m: four standard deviations of flicker and
-    white noise together (4 * 3.52 mm) and half a step of the 10 mm resolution make 19.1 mm.
+    white noise together (4 * 3.52 mm) and half a step of the 10 mm resolution make 19.1 mm. And such a device never
+    repeats itself: two equal scans come from one that froze.
     """
     return ScanSettings(
         inf_is_free=sensor.no_return == "free",
@@ -26,6 +27,8 @@ def scan_settings(sensor: SensorScene) -> ScanSettings:
         range_accuracy=_NOISE_ALLOWANCE if sensor.noise == "lms200" else 0.0,
         range_cut=sensor.range_cut,
         expected_beams=sensor.beams,
+        never_repeats=sensor.noise == "lms200",
+        sees_robots=sensor.sees_robots,
     )
 
 
@@ -35,14 +38,21 @@ def planar_sensor(sensor: SensorScene) -> PlanarSensor:
 
 
 def fusion_settings(scene: Scene) -> FusionSettings:
-    """Return the settings of the fusion: the speed bound, and scans usable until the next but one is missed.
+    """Return the settings of the fusion: the speed bound, and how long a scan is usable.
+
+    Notes
+    -----
+    A sensor is silent once two of its scans in a row are missing. One that measures at the sampling instants has then
+    none since before the last instant: 1.5 sampling intervals. One with a period of its own has a scan at any age up to
+    the period when nothing is wrong, and up to two periods when one is missing.
 
     Noisy outlines may lose half of the noise allowance when they are thinned out before the union.
     """
+    periods = [sensor.scan_period for sensor in scene.sensors if sensor.scan_period is not None]
     noisy = any(sensor.noise == "lms200" for sensor in scene.sensors)
     return FusionSettings(
         boundary_speed=scene.boundary_speed,
-        max_scan_age=1.5 * scene.sampling_interval,
+        max_scan_age=max([1.5 * scene.sampling_interval, *(2.0 * period for period in periods)]),
         simplification=0.5 * _NOISE_ALLOWANCE if noisy else FusionSettings().simplification,
     )
 

@@ -6,11 +6,13 @@ import time as clock
 from collections.abc import Callable
 
 from snnav_core.area.fusion import AreaFusion
+from snnav_core.area.robots import RobotTrack
+from snnav_core.errors import InvalidInput
 from snnav_core.navigator.ground import GroundNavigator
 from snnav_core.tracking.planar import PlanarTracker, TrackerSettings
 from snnav_core.types import PlannedPath, RobotState, StepResult, Stop, StopReason
 from snnav_sim.configure import fusion_settings, navigator_settings, planar_sensor
-from snnav_sim.devices import make_device
+from snnav_sim.devices import SensorFeed, make_device
 from snnav_sim.devices.base import PioneerBase
 from snnav_sim.ending import EndWatch
 from snnav_sim.report.record import Decision, RunRecord
@@ -58,13 +60,24 @@ class Simulation:
         self.seed = scene.seed if seed is None else seed
         self.world = World(scene)
         self.record = RunRecord(self.seed)
-        self._devices = [make_device(sensor, self.world, self.seed) for sensor in scene.sensors]
-        self._fusion = AreaFusion([planar_sensor(sensor) for sensor in scene.sensors], fusion_settings(scene))
-        self._navigator = GroundNavigator([robot.spec for robot in scene.robots], navigator_settings(scene))
+        specs = [robot.spec for robot in scene.robots]
+        seen = specs if scene.sees_robots else []
+        self._tracks = {spec.id: RobotTrack(spec) for spec in seen}
+        tracks = list(self._tracks.values())
+        self._feeds = [
+            SensorFeed(
+                make_device(sensor, self.world, self.seed, tracks), scene.scan_period(sensor), self.seed
+            )
+            for sensor in scene.sensors
+        ]
+        sensors = [planar_sensor(sensor) for sensor in scene.sensors]
+        self._fusion = AreaFusion(sensors, fusion_settings(scene), seen)
+        self._navigator = GroundNavigator(specs, navigator_settings(scene))
         self._robots = {robot.id: _Robot(robot, scene.control_period) for robot in scene.robots}
         self._goals = {robot.id: robot.target for robot in scene.robots}
         self._watch = EndWatch(scene)
         self._tick = 0
+        self._tell_states()
 
     @property
     def time(self) -> float:
@@ -87,17 +100,16 @@ class Simulation:
     def decide(self) -> StepResult:
         """Measure, fuse and plan at the present sampling instant; hand the paths to the trackers."""
         time = self.time
-        scans = {device.sensor.id: device.scan(time) for device in self._devices}
+        scans = [(feed.device.sensor.id, scan) for feed in self._feeds for scan in feed.arrivals(time)]
         begin = clock.perf_counter()
-        for sensor_id, scan in scans.items():
-            self._fusion.add_scan(sensor_id, scan)
+        for sensor_id, scan in scans:
+            try:
+                self._fusion.add_scan(sensor_id, scan, now=time)
+            except InvalidInput as error:
+                self.record.add_rejection(sensor_id, str(error))
         area = self._fusion.area(time)
         fused = clock.perf_counter()
-        states = {
-            name: RobotState(name, robot.base.pose, time, robot.base.command.speed)
-            for name, robot in self._robots.items()
-        }
-        result = self._navigator.step(time, area, states, self._goals)
+        result = self._navigator.step(time, area, self._states(), self._goals)
         self.record.add_area(area)
         self.record.fusion_seconds.append(fused - begin)
         self.record.planner_seconds.append(clock.perf_counter() - fused)
@@ -114,6 +126,22 @@ class Simulation:
             robot.base.apply(robot.tracker.command(pose, time), self.scene.control_period)
             self.record.add_sample(name, time, pose, robot.base.command)
         self._tick += 1
+        self._tell_states()
+
+    def _states(self) -> dict[str, RobotState]:
+        time = self.time
+        return {
+            name: RobotState(name, robot.base.pose, time, robot.base.command.speed)
+            for name, robot in self._robots.items()
+        }
+
+    def _tell_states(self) -> None:
+        """Let scanners that see robots, and the fusion then, know where the robots are."""
+        if not self._tracks:
+            return
+        for name, state in self._states().items():
+            self._tracks[name].add(state.stamp, state.pose, state.speed)
+            self._fusion.add_state(state)
 
 
 def simulate(scene: Scene, seed: int | None = None, progress: Progress | None = None) -> RunRecord:

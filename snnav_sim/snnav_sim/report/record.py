@@ -74,6 +74,8 @@ class RunRecord:
         Sampling instant and unoccupied area as published [s; m, map].
     planner_seconds, fusion_seconds : list of float
         Duration of every step [s].
+    rejected : dict
+        Sensor id -> how many of its scans the fusion refused, and why the last of them.
     reason : str
         Why the run ended.
     versions : dict
@@ -86,6 +88,7 @@ class RunRecord:
     areas: list[tuple[float, MultiPolygon]] = field(default_factory=list)
     planner_seconds: list[float] = field(default_factory=list)
     fusion_seconds: list[float] = field(default_factory=list)
+    rejected: dict[str, tuple[int, str]] = field(default_factory=dict)
     reason: str = ""
     versions: dict[str, str] = field(default_factory=dict)
 
@@ -93,6 +96,10 @@ class RunRecord:
         """Note where a robot is at a time [s] and how it moves from there."""
         row = (time, pose.x, pose.y, pose.heading, motion.speed, motion.turn_rate)
         self.samples.setdefault(robot, []).append(row)
+
+    def add_rejection(self, sensor: str, message: str) -> None:
+        """Note that a scan was refused, and why."""
+        self.rejected[sensor] = (self.rejected.get(sensor, (0, ""))[0] + 1, message)
 
     def add_area(self, area: UnoccupiedArea) -> None:
         """Note the unoccupied area as published; equal ones are kept once."""
