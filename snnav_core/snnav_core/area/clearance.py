@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numba
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from snnav_core.area.bins import SegmentBins
 from snnav_core.types import FloatArray
 
-__all__ = ["ClearanceField"]
+__all__ = ["ClearanceField", "nearest_boundary"]
 
 _BIN_SIZE = 0.25  # [m]
 _FARTHEST = 1e8  # [m]; a point with a larger coordinate is outside of every area
@@ -25,54 +26,71 @@ _FARTHEST = 1e8  # [m]; a point with a larger coordinate is outside of every are
 def _query(points, limit, starts, ends, normals_start, normals_end, offsets, members, origin, size, nx, ny):  # type: ignore[no-untyped-def]
     count = points.shape[0]
     distance = np.empty(count)
-    gradient = np.zeros((count, 2))
+    gradient = np.empty((count, 2))
     for i in range(count):
-        px, py = points[i, 0], points[i, 1]
-        if not (abs(px) < _FARTHEST and abs(py) < _FARTHEST):
-            distance[i] = -math.inf  # NaN too: nothing is known to be free there
-            continue
-        cx = int(math.floor((px - origin[0]) / size))
-        cy = int(math.floor((py - origin[1]) / size))
-        # Rings of bins start where the grid does, for a point outside of it.
-        ring = max(0, -cx, -cy, cx - nx + 1, cy - ny + 1)
-        best = limit * limit
-        found = -1
-        found_t = 0.0
-        last = max(max(cx, nx - 1 - cx), max(cy, ny - 1 - cy))
-        inside_x = px - origin[0] - cx * size
-        inside_y = py - origin[1] - cy * size
-        rim = min(min(inside_x, size - inside_x), min(inside_y, size - inside_y))
-        while ring <= last:
-            if ring > 0:
-                reach = (ring - 1) * size + rim
-                if reach > 0.0 and reach * reach > best:
-                    break
-            for ix in range(max(cx - ring, 0), min(cx + ring, nx - 1) + 1):
-                edge = ix == cx - ring or ix == cx + ring
-                step = 1 if edge else 2 * ring
-                iy = max(cy - ring, 0) if edge else cy - ring
-                while iy <= min(cy + ring, ny - 1):
-                    if iy >= 0:
-                        b = ix * ny + iy
-                        for m in range(offsets[b], offsets[b + 1]):
-                            s = members[m]
-                            ax, ay = starts[s, 0], starts[s, 1]
-                            dx, dy = ends[s, 0] - ax, ends[s, 1] - ay
-                            t = ((px - ax) * dx + (py - ay) * dy) / (dx * dx + dy * dy)
-                            t = min(max(t, 0.0), 1.0)
-                            qx, qy = px - ax - t * dx, py - ay - t * dy
-                            square = qx * qx + qy * qy
-                            if square < best:
-                                best, found, found_t = square, s, t
-                    iy += step
-            ring += 1
-        if found < 0:
-            distance[i] = limit
-            continue
-        distance[i], gradient[i, 0], gradient[i, 1] = _signed(
-            px, py, found_t, starts[found], ends[found], normals_start[found], normals_end[found]
+        distance[i], gradient[i, 0], gradient[i, 1] = nearest_boundary(
+            points[i, 0],
+            points[i, 1],
+            limit,
+            starts,
+            ends,
+            normals_start,
+            normals_end,
+            offsets,
+            members,
+            origin,
+            size,
+            nx,
+            ny,
         )
     return distance, gradient
+
+
+@numba.njit(cache=True)
+def nearest_boundary(  # type: ignore[no-untyped-def]
+    px, py, limit, starts, ends, normals_start, normals_end, offsets, members, origin, size, nx, ny
+):
+    """Signed distance of one point and its gradient, for other kernels; arguments as in `ClearanceField.arrays`."""
+    if not (abs(px) < _FARTHEST and abs(py) < _FARTHEST):
+        return -math.inf, 0.0, 0.0  # NaN too: nothing is known to be free there
+    cx = int(math.floor((px - origin[0]) / size))
+    cy = int(math.floor((py - origin[1]) / size))
+    # Rings of bins start where the grid does, for a point outside of it.
+    ring = max(0, -cx, -cy, cx - nx + 1, cy - ny + 1)
+    best = limit * limit
+    found = -1
+    found_t = 0.0
+    last = max(max(cx, nx - 1 - cx), max(cy, ny - 1 - cy))
+    inside_x = px - origin[0] - cx * size
+    inside_y = py - origin[1] - cy * size
+    rim = min(min(inside_x, size - inside_x), min(inside_y, size - inside_y))
+    while ring <= last:
+        if ring > 0:
+            reach = (ring - 1) * size + rim
+            if reach > 0.0 and reach * reach > best:
+                break
+        for ix in range(max(cx - ring, 0), min(cx + ring, nx - 1) + 1):
+            edge = ix == cx - ring or ix == cx + ring
+            step = 1 if edge else 2 * ring
+            iy = max(cy - ring, 0) if edge else cy - ring
+            while iy <= min(cy + ring, ny - 1):
+                if iy >= 0:
+                    b = ix * ny + iy
+                    for m in range(offsets[b], offsets[b + 1]):
+                        s = members[m]
+                        ax, ay = starts[s, 0], starts[s, 1]
+                        dx, dy = ends[s, 0] - ax, ends[s, 1] - ay
+                        t = ((px - ax) * dx + (py - ay) * dy) / (dx * dx + dy * dy)
+                        t = min(max(t, 0.0), 1.0)
+                        qx, qy = px - ax - t * dx, py - ay - t * dy
+                        square = qx * qx + qy * qy
+                        if square < best:
+                            best, found, found_t = square, s, t
+                iy += step
+        ring += 1
+    if found < 0:
+        return limit, 0.0, 0.0
+    return _signed(px, py, found_t, starts[found], ends[found], normals_start[found], normals_end[found])
 
 
 @numba.njit(cache=True)
@@ -147,9 +165,13 @@ class ClearanceField:
         points = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 2)
         if self.is_empty:
             return np.full(len(points), -math.inf), np.zeros((len(points), 2))
-        distance, gradient = _query(
-            points,
-            limit,
+        distance, gradient = _query(points, limit, *self.arrays)
+        return distance, gradient
+
+    @property
+    def arrays(self) -> tuple[Any, ...]:
+        """What kernels need to look up distances by `nearest_boundary`; not for an empty area."""
+        return (
             self._starts,
             self._ends,
             self._normals_start,
@@ -161,7 +183,6 @@ class ClearanceField:
             self._bins.columns,
             self._bins.rows,
         )
-        return distance, gradient
 
 
 def _ring_segments(ring: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

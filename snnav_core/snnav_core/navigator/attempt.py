@@ -98,7 +98,7 @@ class Attempt:
         left, right = initial_circles(self.pose, radius)
         own, opposite = (left, right) if rotation > 0 else (right, left)
         around = math.ceil(2.0 * math.pi * radius / link)
-        barriers: list[Barrier] = [BoundaryBarrier(self.context.area.clearance_field.query, margins)]
+        barriers: list[Barrier] = [BoundaryBarrier(self.context.area.clearance_field, margins)]
         for other in self.others:
             barriers.append(self._disk(other, other.path, self.distances.window_points))
             if self.gap(other) < other.radius + self.settings.safety_margin + 3.0 * self.distances.stride:

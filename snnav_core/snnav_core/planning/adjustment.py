@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from snnav_core.planning.adjustment_kernel import adjust_in_plane
 from snnav_core.planning.fields import Barrier, interval_field, pull_field
 from snnav_core.types import FloatArray
 
@@ -112,11 +113,19 @@ def adjust(
     Deviations: v first, then p (C0-2); rest length L - G_P / G_I (C0-3); exact barriers with the inward part of the
     force ignored in the exit test (C0-5); rest means that all forces and velocities are small and no point was added
     or removed in the last five passes (C0-1); a new point goes min(L, d) towards the target (C0-14).
+
+    In the plane, with exact barriers that are a `ClearanceField`, disks and circles, the same loop runs compiled.
     """
     pull = settings.pull * link_length
     rest_length = link_length - pull / settings.interval_gain
     threshold = settings.rest_threshold * pull
     speed_threshold = threshold / (1.0 - settings.attenuation)
+    if settings.exact_barriers:
+        gains = (link_length, pull, rest_length, settings.interval_gain, settings.attenuation)
+        limits = (threshold, speed_threshold, settings.shortest_end, settings.longest_end)
+        result = adjust_in_plane(points, target, barriers, gains, limits, (max_passes, max_points))
+        if result is not None:
+            return AdjustmentResult(*result)
     first, moving = points[:1], points[1:].copy()
     velocity = np.zeros_like(moving)
     quiet = 0

@@ -8,7 +8,6 @@ the spring that is printed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -16,7 +15,15 @@ import numpy as np
 
 from snnav_core.types import FloatArray
 
-__all__ = ["Barrier", "BoundaryBarrier", "CircleBarrier", "DiskBarrier", "interval_field", "pull_field"]
+__all__ = [
+    "Barrier",
+    "BoundaryBarrier",
+    "CircleBarrier",
+    "DiskBarrier",
+    "DistanceField",
+    "interval_field",
+    "pull_field",
+]
 
 _TINY = 1e-12
 
@@ -77,13 +84,20 @@ class Barrier(Protocol):
         ...
 
 
+class DistanceField(Protocol):
+    """Signed distance to the boundary of an area."""
+
+    def query(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the signed distance (m,) [m] of points (m, D) [m] and its gradient (m, D)."""
+        ...
+
+
 class BoundaryBarrier:
     """F_R: point k keeps `margins[k - 1]` from the boundary of the unoccupied area.
 
     Parameters
     ----------
-    query : callable
-        Points (m, D) -> signed distance (m,), gradient (m, D).
+    field : DistanceField
     margins : ndarray, shape (K,)
         Demanded distance of p_1, p_2, ... [m]; the last one holds for all points beyond.
 
@@ -93,11 +107,9 @@ class BoundaryBarrier:
     had in reserve.
     """
 
-    def __init__(
-        self, query: Callable[[FloatArray], tuple[FloatArray, FloatArray]], margins: FloatArray
-    ) -> None:
-        self._query = query
-        self._margins = margins
+    def __init__(self, field: DistanceField, margins: FloatArray) -> None:
+        self.field = field
+        self.margins = margins
         self._asked: FloatArray | None = None
         self._distance: FloatArray = np.empty(0)
         self._gradient: FloatArray = np.empty((0, 2))
@@ -108,15 +120,15 @@ class BoundaryBarrier:
 
     def demanded(self, count: int) -> FloatArray:
         """Demanded distances of p_1..p_count [m], shape (count,)."""
-        if count <= len(self._margins):
-            return self._margins[:count]
-        return np.concatenate((self._margins, np.full(count - len(self._margins), self._margins[-1])))
+        if count <= len(self.margins):
+            return self.margins[:count]
+        return np.concatenate((self.margins, np.full(count - len(self.margins), self.margins[-1])))
 
     def violation(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `Barrier.violation`."""
         demanded = self.demanded(len(points))
         if self._asked is None or len(self._asked) != len(points):
-            self._distance, self._gradient = self._query(points)
+            self._distance, self._gradient = self.field.query(points)
             self._asked = points.copy()
         else:
             moved = points - self._asked
@@ -124,7 +136,7 @@ class BoundaryBarrier:
             stale = np.einsum("ij,ij->i", moved, moved) >= reserve * reserve
             if stale.any():
                 where = np.flatnonzero(stale)
-                self._distance[where], self._gradient[where] = self._query(points[where])
+                self._distance[where], self._gradient[where] = self.field.query(points[where])
                 self._asked[where] = points[where]
         depth = demanded - self._distance
         return depth, self._gradient
@@ -140,6 +152,10 @@ class CircleBarrier:
     centre: FloatArray
     radius: float
     count: int
+
+    def disks(self) -> tuple[FloatArray, FloatArray]:
+        """Centres (K, 2) and distances (K,) of p_1, p_2, ... [m], the last for all beyond."""
+        return np.tile(self.centre, (self.count + 1, 1)), np.append(np.full(self.count, self.radius), -np.inf)
 
     def reset(self) -> None:
         """Nothing is cached."""
@@ -169,6 +185,10 @@ class DiskBarrier:
 
     centres: FloatArray
     distances: FloatArray
+
+    def disks(self) -> tuple[FloatArray, FloatArray]:
+        """Centres (K, 2) and distances (K,) of p_1, p_2, ... [m], the last for all beyond."""
+        return self.centres, self.distances
 
     def reset(self) -> None:
         """Nothing is cached."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -15,6 +16,15 @@ from snnav_core.planning.fields import BoundaryBarrier, CircleBarrier, DiskBarri
 from snnav_core.types import FloatArray
 
 Query = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
+
+@dataclass(frozen=True)
+class Field:
+    """A distance field from a function."""
+
+    query: Query
+
+
 SETTINGS = AdjustmentSettings()
 SPRINGS = AdjustmentSettings(exact_barriers=False)
 TO_REST = AdjustmentSettings(rest_threshold=0.0003)
@@ -48,7 +58,7 @@ def around(radius: float, length: float = 8.0, link: float = 0.25, dimension: in
 def settle(
     points: FloatArray, target: FloatArray, link: float, query: Query, margin: float
 ) -> AdjustmentResult:
-    barrier = BoundaryBarrier(query, np.full(3, margin))
+    barrier = BoundaryBarrier(Field(query), np.full(3, margin))
     return adjust(points, target, link, [barrier], TO_REST, 6000, 500)
 
 
@@ -120,7 +130,7 @@ def test_with_the_quick_threshold_a_tight_candidate_keeps_its_margin_and_gets_no
     arc = np.linspace(math.pi - opening, opening, 40)
     knots = np.vstack(([[-8.0, 0.0]], reduced * np.column_stack((np.cos(arc), np.sin(arc))), [[8.0, 0.0]]))
     target, query = np.array([8.0, 0.0]), ball(np.zeros(2), radius)
-    barrier = BoundaryBarrier(query, np.array([margin]))
+    barrier = BoundaryBarrier(Field(query), np.array([margin]))
     result = adjust(resample(knots, link), target, link, [barrier], SETTINGS, SETTINGS.cold_passes, 500)
     assert result.settled
     assert query(result.points[1:])[0].min() >= margin - 1e-9
@@ -138,7 +148,7 @@ def test_as_a_spring_the_margin_is_missed_by_what_the_notes_say(pull: float, rad
     points = resample(np.vstack(([[-radius, -6.0]], half_circle, target[None])), link)
     query = ball(np.zeros(2), 0.5)
     result = adjust(
-        points, target, link, [BoundaryBarrier(query, np.array([radius - 0.5]))], spring, 6000, 500
+        points, target, link, [BoundaryBarrier(Field(query), np.array([radius - 0.5]))], spring, 6000, 500
     )
     assert result.settled
     deficit = radius - 0.5 - float(query(result.points)[0].min())
@@ -158,7 +168,7 @@ def test_without_the_shorter_rest_length_every_link_would_be_too_long() -> None:
 @pytest.mark.parametrize("gains", [SETTINGS, SPRINGS])
 def test_a_passage_narrower_than_twice_the_margin_has_no_rest(gains: AdjustmentSettings) -> None:
     points = resample(np.array([[0.0, 0.1], [6.0, 0.1]]), 0.25)
-    barrier = BoundaryBarrier(corridor(0.4), np.array([0.6]))
+    barrier = BoundaryBarrier(Field(corridor(0.4)), np.array([0.6]))
     result = adjust(points, np.array([6.0, 0.0]), 0.25, [barrier], gains, 400, 200)
     kept = corridor(0.4)(result.points[1:])[0].min() >= 0.6
     assert not (result.settled and kept)
@@ -171,7 +181,9 @@ def test_a_start_nearer_than_the_margin_climbs_with_a_growing_margin() -> None:
     margins = np.minimum(0.2 + 0.1 * np.arange(1, 20), 1.0)
     wall = ball(np.array([0.0, -50.0]), 50.0)
     points = resample(np.array([[0.0, 0.2], [8.0, 1.2]]), 0.25)
-    result = adjust(points, np.array([8.0, 1.2]), 0.25, [BoundaryBarrier(wall, margins)], SETTINGS, 3000, 200)
+    result = adjust(
+        points, np.array([8.0, 1.2]), 0.25, [BoundaryBarrier(Field(wall), margins)], SETTINGS, 3000, 200
+    )
     assert result.settled
     distance = wall(result.points[1:])[0]
     demanded = np.minimum(0.2 + 0.1 * np.arange(1, len(distance) + 1), 1.0)
@@ -184,7 +196,7 @@ def test_several_barriers_hold_together() -> None:
     query = ball(np.array([4.0, 0.5]), 0.5)
     other = np.column_stack((np.full(60, 6.0), 3.0 - 0.1 * np.arange(60)))
     barriers = [
-        BoundaryBarrier(query, np.array([0.5])),
+        BoundaryBarrier(Field(query), np.array([0.5])),
         DiskBarrier(other, np.full(60, 0.6)),
         CircleBarrier(np.array([0.0, 1.0]), 1.0, 20),
     ]
@@ -201,7 +213,10 @@ def test_the_loop_always_ends_within_its_bounds(seed: int, max_passes: int, max_
     generator = np.random.default_rng(seed)
     points = generator.normal(0.0, 3.0, (int(generator.integers(1, 12)), 2))
     target = generator.normal(0.0, 30.0, 2)
-    barriers = [BoundaryBarrier(corridor(0.5), np.array([0.7])), DiskBarrier(np.zeros((1, 2)), np.ones(1))]
+    barriers = [
+        BoundaryBarrier(Field(corridor(0.5)), np.array([0.7])),
+        DiskBarrier(np.zeros((1, 2)), np.ones(1)),
+    ]
     result = adjust(points, target, 0.3, barriers, SETTINGS, max_passes, max_points)
     assert result.passes <= max_passes
     assert len(result.points) <= max(max_points + 2, len(points) + 1)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -11,6 +13,14 @@ from hypothesis import strategies as st
 
 from snnav_core.planning.fields import BoundaryBarrier, CircleBarrier, DiskBarrier, interval_field, pull_field
 from snnav_core.types import FloatArray
+
+
+@dataclass(frozen=True)
+class Field:
+    """A distance field from a function."""
+
+    query: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
 
 CHAIN = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [5.0, 5.0]])
 seeds = st.integers(0, 2**32 - 1)
@@ -39,7 +49,7 @@ def test_the_pull_has_one_size_towards_the_target() -> None:
 
 
 def test_the_boundary_barrier_asks_each_point_for_its_own_margin() -> None:
-    barrier = BoundaryBarrier(wall, np.array([1.0, 1.5]))
+    barrier = BoundaryBarrier(Field(wall), np.array([1.0, 1.5]))
     points = np.array([[0.0, 0.4], [1.0, 1.5], [2.0, -0.5], [3.0, 4.0]])
     depth, outward = barrier.violation(points)
     np.testing.assert_allclose(depth, [0.6, 0.0, 2.0, -2.5])
@@ -94,7 +104,7 @@ def test_what_the_boundary_barrier_remembers_never_hides_a_violation(seed: int, 
         distance = np.linalg.norm(offset, axis=1)
         return distance - 0.5, offset / distance[:, None]
 
-    barrier = BoundaryBarrier(disk, generator.uniform(0.2, 1.0, 5))
+    barrier = BoundaryBarrier(Field(disk), generator.uniform(0.2, 1.0, 5))
     points = generator.normal(0.0, 2.0, (8, 2))
     for _ in range(30):
         points = points + generator.normal(0.0, stride, points.shape)
