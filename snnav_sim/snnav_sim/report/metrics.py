@@ -19,7 +19,7 @@ from snnav_sim.report.record import Decision, RunRecord
 from snnav_sim.report.truth import GroundTruth
 from snnav_sim.scene_types import RobotScene, Scene
 
-__all__ = ["compute_metrics"]
+__all__ = ["compute_metrics", "library_versions", "step_times"]
 
 _LIBRARIES = ("numpy", "scipy", "shapely", "numba")
 
@@ -41,9 +41,9 @@ def compute_metrics(scene: Scene, record: RunRecord, truth: GroundTruth | None =
         "reason": record.reason,
         "duration": _duration(record),
         "robots": {robot.id: _robot(robot, scene, record, truth) for robot in scene.robots},
-        "planner": _steps(record.planner_seconds),
-        "fusion": _steps(record.fusion_seconds),
-        "versions": {**_versions(), **record.versions},
+        "planner": step_times(record.planner_seconds),
+        "fusion": step_times(record.fusion_seconds),
+        "versions": {**library_versions(), **record.versions},
     }
 
 
@@ -52,7 +52,7 @@ def _duration(record: RunRecord) -> float | None:
     return max(ends) if ends else None
 
 
-def _steps(seconds: Sequence[float]) -> dict[str, Any]:
+def step_times(seconds: Sequence[float]) -> dict[str, Any]:
     """Return percentiles of the steps without the first one, which loads compiled code, unless it is the only one."""
     milliseconds = 1e3 * np.asarray(seconds[1:] or seconds, dtype=np.float64)
     names = {"p50": 50, "p99": 99, "max": 100}
@@ -67,7 +67,8 @@ def _steps(seconds: Sequence[float]) -> dict[str, Any]:
     }
 
 
-def _versions() -> dict[str, str]:
+def library_versions() -> dict[str, str]:
+    """Return the versions of snnav, Python and the numerical libraries."""
     versions = {
         "snnav_core": snnav_core.__version__,
         "snnav_sim": snnav_sim.__version__,
