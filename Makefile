@@ -4,7 +4,7 @@ VENV := .ci/venv
 # Everything stays on this machine: ROS 2 traffic goes over the loopback interface only.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help demo test lint format bench venv clean
+.PHONY: help demo test nightly lint format bench venv clean
 
 help: ## say what there is
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST)
@@ -12,8 +12,11 @@ help: ## say what there is
 demo: ## three robots cross a factory hall among walking people (figures in runs/)
 	@$(VENV) snnav run factory
 
-test: ## run all tests (HYPOTHESIS_PROFILE=nightly: ten times the examples)
+test: ## run all tests
 	@$(VENV) python -m pytest $(PYTEST_ARGS)
+
+nightly: ## all tests with ten times the Hypothesis examples, and the long series (hundreds of runs; most of an hour)
+	@HYPOTHESIS_PROFILE=nightly $(VENV) python -m pytest -m "nightly or not nightly" --timeout 3600 $(PYTEST_ARGS)
 
 lint: ## ruff (rules and format) on everything, mypy --strict on snnav_core and snnav_sim
 	@$(VENV) ruff check .
