@@ -1,4 +1,4 @@
-"""A sensor falls silent for good: the area shrinks at once, the robot goes by what is left or stops inside its window."""
+"""A sensor falls silent for good: the area shrinks at once, the robot stands inside its window or does without."""
 
 from __future__ import annotations
 
