@@ -20,7 +20,15 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "snnav_core", "numpy>=1.26", "matplotlib>=3.6", "PyYAML>=6", "rich"],
+    install_requires=[
+        "setuptools",
+        "snnav_core",
+        "numpy>=1.26",
+        "matplotlib>=3.6",
+        "Pillow>=9",
+        "PyYAML>=6",
+        "rich",
+    ],
     extras_require={"test": ["pytest", "pytest-timeout", "hypothesis"]},
     zip_safe=False,
 )

@@ -26,10 +26,10 @@ SIMULATION, NODES, COMMAND_LINE = CORE, CORE + 1, CORE + 2
 # What each package may import besides the standard library and the packages below it.
 THIRD_PARTY = {
     "snnav_core": {"numpy", "scipy", "shapely", "numba"},
-    "snnav_sim": {"numpy", "scipy", "shapely", "numba", "yaml", "matplotlib", "rich"},
+    "snnav_sim": {"numpy", "scipy", "shapely", "numba", "yaml", "matplotlib", "PIL", "rich"},
 }
 
-ROSDEP_KEYS = {"tf2_ros": "tf2_ros_py"}
+ROSDEP_KEYS = {"tf2_ros": "tf2_ros_py", "PIL": "pil"}
 WITHOUT_ROSDEP_KEY = {"rosbags", "rosidl_parser"}  # from requirements.txt, and what rclpy brings along
 
 LONGEST_MODULE = 400

@@ -100,12 +100,23 @@ def _fill(
     write_tables(draft, record)
     (draft / "figures").mkdir()
     if figures:
-        # drawing needs matplotlib, which takes a second to import
-        from snnav_sim.report.figures import draw_clearance, draw_scene
+        _draw(draft / "figures", scene, record, truth)
 
-        draw_scene(scene, record, truth, draft / "figures" / "scene.png")
-        if scene.robots:
-            draw_clearance(scene, record, truth, draft / "figures" / "clearance.png")
+
+def _draw(directory: Path, scene: Scene, record: RunRecord, truth: GroundTruth) -> None:
+    # drawing needs matplotlib, which takes a second to import
+    from snnav_sim.report.animation import draw_animation
+    from snnav_sim.report.figures import draw_clearance, draw_scene
+    from snnav_sim.report.moment import Moments
+    from snnav_sim.report.snapshots import draw_snapshots
+
+    draw_scene(scene, record, truth, directory / "scene.png")
+    if not any(record.samples.values()):
+        return
+    draw_clearance(scene, record, truth, directory / "clearance.png")
+    moments = Moments(scene, record, truth)
+    draw_snapshots(scene, truth, moments, directory / "snapshots.png")
+    draw_animation(scene, truth, moments, directory / "animation.gif")
 
 
 def _replace(path: Path, draft: Path) -> None:

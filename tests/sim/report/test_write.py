@@ -44,6 +44,7 @@ def test_contents(tmp_path: Path, room: Scene, record: RunRecord) -> None:
     names = {str(path.relative_to(target)) for path in target.rglob("*") if path.is_file()}
     assert names == {
         "scene.yaml", "metrics.json", "trajectories.csv", "paths.csv", "figures/scene.png", "figures/clearance.png",
+        "figures/snapshots.png", "figures/animation.gif",
     }  # fmt: skip
     assert json.loads((target / "metrics.json").read_text()) == metrics
     scene = load_scene(target / "scene.yaml")
@@ -91,7 +92,7 @@ def test_figures_show_something(tmp_path: Path, room: Scene, record: RunRecord) 
     from matplotlib.image import imread
 
     write_run_directory(tmp_path / "run", room, record)
-    for name in ("scene.png", "clearance.png"):
+    for name in ("scene.png", "clearance.png", "snapshots.png"):
         image = imread(tmp_path / "run" / "figures" / name)
         assert image.shape[1] > 1000
         assert len(np.unique(np.round(image[::4, ::4, :3].reshape(-1, 3), 1), axis=0)) > 5

@@ -1,0 +1,181 @@
+"""One view of a run that can be set to any moment: for pictures over time and for the animation."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.markers import MarkerStyle
+from matplotlib.patches import Circle as CirclePatch
+from matplotlib.patches import Patch, PathPatch
+from matplotlib.path import Path as Outline
+from matplotlib.transforms import Affine2D
+
+from snnav_sim.report.drawing import (
+    MARGIN,
+    MOVER,
+    REMEMBERED,
+    SEEN,
+    SEEN_EDGE,
+    UNSEEN,
+    draw_sensor,
+    draw_world,
+    fill,
+    frame,
+    outline,
+    robot_colour,
+)
+from snnav_sim.report.moment import Moments
+from snnav_sim.report.truth import GroundTruth
+from snnav_sim.scene_types import Circle, RobotScene, Scene
+from snnav_sim.world import mover_positions
+
+__all__ = ["Stage", "stage_legend"]
+
+# A slender arrowhead that points along x.
+_ARROW = Outline(np.array([(1.0, 0.0), (-0.8, 0.62), (-0.45, 0.0), (-0.8, -0.62), (1.0, 0.0)]))
+
+
+class _Robot:
+    """The marks of one robot."""
+
+    def __init__(self, axes: Axes, robot: RobotScene, colour: str, margin: float, size: float) -> None:
+        self.robot, self._size = robot, size
+        self.ahead = Line2D([], [], color=colour, linewidth=1.0, linestyle=(0, (4, 2)), zorder=5)
+        self.driven = Line2D([], [], color=colour, linewidth=1.8, zorder=6)
+        self.margin = CirclePatch(
+            robot.start,
+            margin,
+            facecolor="none",
+            edgecolor=MARGIN,
+            linewidth=0.9,
+            linestyle=(0, (3, 2)),
+            zorder=7,
+        )
+        self.disk = CirclePatch(robot.start, robot.radius, facecolor=colour, edgecolor="none", zorder=8)
+        self.arrow = Line2D([], [], color=colour, linestyle="none", markersize=size, zorder=9)
+        self.arrow.set(markeredgecolor="white", markeredgewidth=0.6)
+        for line in (self.ahead, self.driven, self.arrow):
+            axes.add_line(line)
+        for patch in (self.margin, self.disk):
+            axes.add_patch(patch)
+
+    @property
+    def artists(self) -> list[Artist]:
+        return [self.ahead, self.driven, self.margin, self.disk, self.arrow]
+
+    def move(self, moments: Moments, time: float) -> None:
+        """Set all marks to a time [s]."""
+        moment = moments.robot(self.robot, time)
+        for artist in self.artists:
+            artist.set_visible(moment is not None)
+        if moment is None:
+            return
+        self.ahead.set_data(moment.ahead[:, 0], moment.ahead[:, 1])
+        self.driven.set_data(moment.driven[:, 0], moment.driven[:, 1])
+        self.margin.set_center(moment.position)
+        self.disk.set_center(moment.position)
+        self.arrow.set_data([moment.position[0]], [moment.position[1]])
+        self.arrow.set_marker(MarkerStyle(_ARROW.transformed(Affine2D().rotate(moment.heading))))
+
+
+class Stage:
+    """Axes with a scene, set to one moment after the other.
+
+    Parameters
+    ----------
+    axes : Axes
+    scene : Scene
+    truth : GroundTruth
+    moments : Moments
+    size : float
+        Of the arrowheads of robots [points].
+    """
+
+    def __init__(
+        self, axes: Axes, scene: Scene, truth: GroundTruth, moments: Moments, size: float = 12.0
+    ) -> None:
+        self._axes, self._scene, self._moments = axes, scene, moments
+        fill(axes, shapely.Polygon(scene.workspace), facecolor=UNSEEN, edgecolor="none", zorder=0)
+        empty = outline(shapely.Polygon())
+        self._area = PathPatch(empty, facecolor=SEEN, edgecolor=SEEN_EDGE, linewidth=0.6, zorder=1)
+        self._remembered = PathPatch(empty, facecolor=REMEMBERED, edgecolor="none", zorder=1.5)
+        axes.add_patch(self._area)
+        axes.add_patch(self._remembered)
+        draw_world(axes, scene, truth)
+        for sensor in scene.sensors:
+            draw_sensor(axes, scene, sensor, limits=False)
+        self._movers = [self._add_mover(axes, index) for index in range(len(scene.movers))]
+        self._robots = []
+        for index, robot in enumerate(scene.robots):
+            colour = robot_colour(index)
+            axes.plot(
+                *robot.target,
+                marker="X",
+                markersize=0.75 * size,
+                color=colour,
+                markeredgecolor="white",
+                zorder=8,
+            )
+            self._robots.append(_Robot(axes, robot, colour, scene.safety_margin, size))
+        frame(axes, scene)
+        robots = [artist for robot in self._robots for artist in robot.artists]
+        # what changes is drawn over what stays: a changing area would cover the rest
+        changing = [*self._movers, *robots] if moments.area_is_one else [*axes.patches[1:], *axes.lines]
+        self.changing: list[Artist] = sorted(changing, key=lambda artist: artist.get_zorder())
+        """What changes from moment to moment, and what lies above it, from below."""
+
+    def _add_mover(self, axes: Axes, index: int) -> PathPatch:
+        shape = self._scene.movers[index].shape
+        if isinstance(shape, Circle):
+            path = Outline.circle((shape.x, shape.y), shape.radius)
+        else:
+            path = outline(shapely.Polygon(shape.points))
+        patch = PathPatch(path, facecolor=MOVER, edgecolor="none", zorder=5)
+        axes.add_patch(patch)
+        return patch
+
+    def show(self, time: float) -> None:
+        """Set everything to a time [s]."""
+        area, remembered = self._moments.area(time)
+        self._area.set_path(outline(area))
+        self._remembered.set_path(outline(remembered))
+        for mover, patch in zip(self._scene.movers, self._movers, strict=True):
+            shift = Affine2D().translate(*mover_positions(mover, time)[0].tolist())
+            patch.set_transform(shift + self._axes.transData)
+        for robot in self._robots:
+            robot.move(self._moments, time)
+
+
+def stage_legend(scene: Scene, moments: Moments) -> list[Line2D | Patch]:
+    """Return what the marks of a stage mean."""
+    named = scene.robots[:6]
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=robot_colour(index), linewidth=1.8, label=f"{robot.id}, driven")
+        for index, robot in enumerate(named)
+    ]
+    if len(scene.robots) > len(named):
+        handles.append(Line2D([], [], color="none", label=f"and {len(scene.robots) - len(named)} more"))
+    if scene.robots:
+        handles.append(
+            Line2D([], [], color="gray", linewidth=1.0, linestyle=(0, (4, 2)), label="path at that time")
+        )
+        label = f"safety margin {scene.safety_margin:g} m"
+        handles.append(Line2D([], [], color=MARGIN, linewidth=0.9, linestyle=(0, (3, 2)), label=label))
+    area = "fused area" if scene.recorded else "unoccupied area as published"
+    handles.append(Patch(facecolor=SEEN, edgecolor=SEEN_EDGE, label=area))
+    if moments.remembers:
+        handles.append(Patch(facecolor=REMEMBERED, label="remembered, out of sight"))
+    handles.append(Patch(facecolor=UNSEEN, edgecolor="#cccccc", linewidth=0.5, label="not known to be free"))
+    if scene.movers:
+        handles.append(Patch(facecolor=MOVER, label="moving body"))
+    handles.append(
+        Line2D([], [], color="black", marker="o", linestyle="none", markersize=4, label="range finder")
+    )
+    if scene.robots:
+        handles.append(
+            Line2D([], [], color="gray", marker="X", linestyle="none", markersize=6, label="target")
+        )
+    return handles
