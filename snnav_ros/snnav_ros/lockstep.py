@@ -48,6 +48,11 @@ class Participant:
         self._done = node.create_publisher(Header, DONE_TOPIC, LOCKSTEP)
         self._subscription = node.create_subscription(Clock, "/clock", self._hear, LOCKSTEP)
 
+    @property
+    def now(self) -> int:
+        """The last tick that was heard [ns]; -1 before the first."""
+        return self._now
+
     def done(self) -> None:
         """Say that all data of the tick that is due are consumed."""
         if self.due is None:

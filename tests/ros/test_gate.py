@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import copy
+import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from snnav_core.types import Certificate, Stop, StopReason, TimedPath
-from snnav_ros.convert import Verdict
-from snnav_ros.gate import PathGate
+from snnav_core.types import Certificate, PathSource, PlannedPath, Stop, StopReason, TimedPath
+from snnav_ros.convert import (
+    nanoseconds,
+    path_to_message,
+    stop_to_path,
+    verdict_to_message,
+)
+from snnav_ros.convert.seal import seal_of
+from snnav_ros.gate import GateRules, Order, PathGate
 
 SECOND = 10**9
 
@@ -18,114 +30,408 @@ def path(time: float, shift: float = 0.0) -> TimedPath:
     return TimedPath(time, 0.5, np.array([[shift, 0.0], [1.0, 0.0], [2.0, 0.0]]))
 
 
-def verdict(of: TimedPath, accepted: bool = True, until: float = 9.0) -> Verdict:
-    certificate = Certificate(
-        "r", accepted, until, 1.0, 1.0, 1.0, 0.0, of.digest(), "" if accepted else "too near"
-    )
-    return Verdict(of.start_time, "r", certificate)
+def pair(of: TimedPath, **changes: Any) -> tuple[Any, Any]:
+    """Return the messages of a certified path."""
+    held = Certificate("cart", True, of.start_time + 2.0, 1.0, 1.0, 1.0, 0.0, of.digest())
+    plan = PlannedPath("cart", of, replace(held, **changes), PathSource.WARM_START, 1.0)
+    message = path_to_message(of)
+    return message, verdict_to_message(plan, nanoseconds(of.start_time), message)
+
+
+def stop_pair(stamp: int) -> tuple[Any, Any]:
+    message = stop_to_path(stamp)
+    return message, verdict_to_message(Stop("cart", StopReason.NO_PATH, "none"), stamp, message)
+
+
+def value_of(message: Any, key: str) -> Any:
+    return next(entry for entry in message.values if entry.key == key)
+
+
+class Robot:
+    """A gate, and what its robot does by the orders so far."""
+
+    def __init__(self, **rules: Any) -> None:
+        self.gate = PathGate("cart", GateRules(**rules))
+        self.order = Order(None)
+
+    def hear(self, message: Any, now: float) -> Order | None:
+        kind = self.gate.offer_path if hasattr(message, "poses") else self.gate.offer_certificate
+        return self._obey(kind(message, nanoseconds(now)))
+
+    def watch(self, now: float) -> Order | None:
+        return self._obey(self.gate.watch(nanoseconds(now)))
+
+    def _obey(self, order: Order | None) -> Order | None:
+        self.order = order or self.order
+        return order
+
+    @property
+    def follows(self) -> float | None:
+        """Start of the path that is followed."""
+        return None if self.order.path is None else self.order.path.start_time
+
+    def drive(self, time: float = 1.0) -> Robot:
+        for message in pair(path(time)):
+            self.hear(message, time)
+        assert self.follows == time
+        return self
+
+    def resumes(self, time: float) -> bool:
+        """Whether a good newer pair is followed, without a refusal."""
+        for message in pair(path(time)):
+            self.hear(message, time)
+        return self.follows == time and not self.order.refusal
 
 
 @pytest.mark.parametrize("path_first", [True, False])
 def test_path_is_followed_when_its_certificate_is_there(path_first: bool) -> None:
-    gate = PathGate()
-    steps = [
-        lambda: gate.offer_path(SECOND, path(1.0)),
-        lambda: gate.offer_verdict(SECOND, verdict(path(1.0))),
-    ]
-    first, second = steps if path_first else reversed(steps)
-    assert first() is None
-    assert not gate.complete(SECOND)
-    order = second()
-    assert gate.complete(SECOND)
+    robot = Robot()
+    first, second = pair(path(1.0)) if path_first else reversed(pair(path(1.0)))
+    assert robot.hear(first, 1.0) is None
+    assert not robot.gate.complete(SECOND)
+    order = robot.hear(second, 1.0)
+    assert robot.gate.complete(SECOND)
     assert order is not None
     assert order.path is not None
     assert order.path.digest() == path(1.0).digest()
-    assert order.valid_until == 9.0
+    assert order.valid_until == 3.0
     assert not order.refusal
+
+
+def test_the_same_pair_once_more_changes_nothing() -> None:
+    robot = Robot().drive()
+    for message in pair(path(1.0)):
+        assert robot.hear(message, 1.2) is None
 
 
 def test_path_waits_for_a_certificate_of_its_own_instant() -> None:
-    gate = PathGate()
-    gate.offer_verdict(SECOND, verdict(path(1.0)))
-    gate.offer_path(SECOND, path(1.0))
-    assert gate.offer_path(2 * SECOND, path(2.0)) is None
-    assert not gate.complete(2 * SECOND)
-    order = gate.offer_verdict(2 * SECOND, verdict(path(2.0), until=11.0))
+    robot = Robot().drive()
+    message, certificate = pair(path(2.0))
+    assert robot.hear(message, 2.0) is None
+    assert not robot.gate.complete(2 * SECOND)
+    assert robot.follows == 1.0
+    order = robot.hear(certificate, 2.1)
     assert order is not None
-    assert order.valid_until == 11.0
+    assert order.valid_until == 4.0
+
+
+def resealed(change: Callable[[Any, Any], None]) -> tuple[Any, Any, float]:
+    """Return a pair that its planner sealed as it is."""
+    message, certificate = pair(path(2.0))
+    change(message, certificate)
+    value_of(certificate, "seal").value = seal_of(message, certificate)
+    return message, certificate, 2.0
+
+
+def altered(change: Callable[[Any], object]) -> tuple[Any, Any, float]:
+    """Return a pair whose certificate was altered after it was sealed."""
+    message, certificate = pair(path(2.0))
+    change(certificate)
+    return message, certificate, 2.0
+
+
+def unseal(certificate: Any) -> None:
+    certificate.values = [entry for entry in certificate.values if entry.key != "seal"]
+
+
+def with_reason_of_a_stop() -> tuple[Any, Any, float]:
+    message = path_to_message(path(2.0))
+    return message, verdict_to_message(Stop("cart", StopReason.NO_PATH, "none"), 2 * SECOND, message), 2.0
+
+
+BROKEN: dict[str, Callable[[], tuple[Any, Any, float]]] = {
+    "digest": lambda: (*pair(path(2.0), path_digest="0123456789abcdef"), 2.0),
+    "other path": lambda: (path_to_message(path(2.0, shift=1e-12)), pair(path(2.0))[1], 2.0),
+    "seal": lambda: altered(lambda one: setattr(value_of(one, "seal"), "value", "0" * 64)),
+    "unsealed": lambda: altered(unseal),
+    "sealed twice": lambda: altered(lambda one: one.values.append(value_of(one, "seal"))),
+    "rejected": lambda: (*pair(path(2.0), accepted=False, reason="too near"), 2.0),
+    "expired": lambda: (*pair(path(2.0)), 4.0),
+    "without end": lambda: (*pair(path(2.0), valid_until=math.inf), 2.0),
+    "other robot": lambda: (*pair(path(2.0), robot_id="truck"), 2.0),
+    "other hardware": lambda: resealed(lambda _, one: setattr(one, "hardware_id", "truck")),
+    "frame": lambda: resealed(lambda one, _: setattr(one.header, "frame_id", "odom")),
+    "frame of a pose": lambda: resealed(lambda one, _: setattr(one.poses[1].header, "frame_id", "odom")),
+    "reason of a stop": with_reason_of_a_stop,
+    "ahead": lambda: (*pair(path(2.2)), 2.1),
+    "older": lambda: (*pair(path(0.9)), 1.1),
+}
+"""What must not be followed by a robot that follows a path stamped 1 s, and when it comes."""
+
+REFUSALS = {
+    "digest": "the certificate is of path 0123456789abcdef, this one is",
+    "other path": f"the certificate is of path {path(2.0).digest()}",
+    "seal": "sealed 0000000000000000..., computed",
+    "unsealed": "cart/certificate: has no seal; send one",
+    "sealed twice": "a key is there twice",
+    "rejected": "not accepted: too near",
+    "expired": "valid until 4.000 s, now is 4.000 s",
+    "without end": "valid until inf s",
+    "other robot": "is of robot 'cart' and 'truck', not 'cart'; check the topics",
+    "other hardware": "is of robot 'cart' and 'truck', not 'cart'",
+    "frame": "frame_id is 'odom', expected 'map'",
+    "frame of a pose": "poses have frame_id 'odom', expected 'map'",
+    "reason of a stop": "a path came together with the reason of a stop",
+    "ahead": "stamped 0.100 s ahead of this robot's clock, more than clock_tolerance 0.05 s",
+    "older": "stamped 0.900 s, older than the last one of 1.000 s; was the planner restarted",
+}
 
 
 @pytest.mark.parametrize("path_first", [True, False])
-def test_other_digest_stops(path_first: bool) -> None:
-    gate = PathGate()
-    steps = [
-        lambda: gate.offer_path(SECOND, path(1.0, shift=1e-12)),
-        lambda: gate.offer_verdict(SECOND, verdict(path(1.0))),
-    ]
-    first, second = steps if path_first else reversed(steps)
-    first()
-    order = second()
+@pytest.mark.parametrize("kind", REFUSALS)
+def test_what_is_wrong_stops_a_robot_that_drives_until_a_good_pair_comes(kind: str, path_first: bool) -> None:
+    robot = Robot().drive()
+    message, certificate, now = BROKEN[kind]()
+    refusals = []
+    for one in (message, certificate) if path_first else (certificate, message):
+        order = robot.hear(one, now)
+        refusals.append("" if order is None else order.refusal)
+    assert robot.follows is None
+    assert any(REFUSALS[kind] in refusal for refusal in refusals), refusals
+    assert robot.resumes(round(now + 0.2, 3))
+
+
+@pytest.mark.parametrize("cause", ["ahead", "older", "expired"])
+def test_a_refused_stamp_is_not_remembered(cause: str) -> None:
+    robot = Robot().drive()
+    message, certificate, now = BROKEN[cause]()
+    robot.hear(message, now)
+    robot.hear(certificate, now)
+    assert robot.follows is None
+    later = max(now, 2.0) + 0.05
+    assert robot.resumes(later)
+
+
+def test_a_stamp_far_ahead_does_not_make_good_paths_look_old() -> None:
+    robot = Robot().drive()
+    for message in pair(path(1e6)):
+        robot.hear(message, 1.5)
+    assert robot.follows is None
+    assert "ahead" in robot.order.refusal
+    assert robot.resumes(2.0)
+
+
+def test_stamp_within_the_tolerance_is_taken() -> None:
+    robot = Robot()
+    for message in pair(path(1.04)):
+        robot.hear(message, 1.0)
+    assert robot.follows == 1.04
+    robot = Robot(clock_tolerance=0.0)
+    for message in pair(path(1.04)):
+        robot.hear(message, 1.0)
+    assert robot.follows is None
+
+
+@pytest.mark.parametrize("path_comes", [True, False])
+def test_partner_that_does_not_come_stops(path_comes: bool) -> None:
+    robot = Robot(pairing_patience=0.25).drive()
+    message, certificate = pair(path(2.0))
+    robot.hear(message if path_comes else certificate, 2.0)
+    assert robot.watch(2.25) is None
+    order = robot.watch(2.26)
     assert order is not None
     assert order.path is None
-    assert path(1.0).digest() in order.refusal
+    has, lacks = ("path", "certificate") if path_comes else ("certificate", "path")
+    assert f"the {has} stamped 2.000 s has waited 0.26 s for its {lacks}" in order.refusal
+    assert robot.watch(2.5) is None  # said once
+    late = robot.hear(certificate if path_comes else message, 2.6)  # late, but good
+    assert late is not None
+    assert robot.follows == 2.0
 
 
-def test_certificate_that_is_not_accepted_stops() -> None:
-    gate = PathGate()
-    gate.offer_path(SECOND, path(1.0))
-    order = gate.offer_verdict(SECOND, verdict(path(1.0), accepted=False))
+@pytest.mark.parametrize("path_first", [True, False])
+def test_path_and_certificate_of_two_instants_stop_at_once(path_first: bool) -> None:
+    robot = Robot().drive()
+    messages = [pair(path(2.0))[0], pair(path(2.01))[1]]
+    for message in messages if path_first else reversed(messages):
+        robot.hear(message, 2.0)
+    assert robot.follows is None
+    assert "came with a certificate stamped 2.010 s" in robot.order.refusal
+    assert robot.resumes(2.5)
+
+
+def test_two_different_paths_of_one_instant_stop() -> None:
+    robot = Robot().drive()
+    order = robot.hear(path_to_message(path(1.0, shift=0.1)), 1.1)
     assert order is not None
     assert order.path is None
-    assert "too near" in order.refusal
+    assert "two different messages stamped 1.000 s; stop the second planner" in order.refusal
+    assert robot.resumes(2.0)
 
 
-def test_path_with_the_reason_of_a_stop_stops() -> None:
-    gate = PathGate()
-    gate.offer_path(SECOND, path(1.0))
-    stop = Verdict(1.0, "r", stop=Stop("r", StopReason.NO_PATH, "none"))
-    order = gate.offer_verdict(SECOND, stop)
+def test_empty_path_stops_at_once_and_its_reason_needs_no_path() -> None:
+    robot = Robot().drive()
+    message, certificate = stop_pair(2 * SECOND)
+    order = robot.hear(message, 2.0)
+    assert order == Order(None)
+    assert robot.hear(certificate, 2.0) is None
+    assert robot.gate.complete(2 * SECOND)
+    assert robot.watch(9.0) is None
+    robot = Robot().drive()
+    assert robot.hear(certificate, 2.0) == Order(None)
+    assert robot.hear(message, 2.0) == Order(None)
+    assert robot.watch(9.0) is None
+    assert robot.resumes(9.0)
+
+
+def test_old_stop_stops_all_the_same() -> None:
+    robot = Robot().drive()
+    order = robot.hear(stop_pair(SECOND // 2)[0], 1.1)
     assert order is not None
     assert order.path is None
-    assert order.refusal
 
 
-def test_empty_path_stops_at_once() -> None:
-    gate = PathGate()
-    order = gate.offer_path(SECOND, None)
-    assert order is not None
-    assert order.path is None
-    assert not order.refusal
+def test_path_that_was_decided_too_late_is_expired() -> None:
+    robot = Robot().drive()
+    for message in pair(path(2.0)):  # valid until 4 s
+        robot.hear(message, 4.5)
+    assert robot.follows is None
+    assert "is the planner too slow" in robot.order.refusal
 
 
-def test_older_path_is_not_taken() -> None:
-    gate = PathGate(require_certificate=False)
-    assert gate.offer_path(2 * SECOND, path(2.0)) is not None
-    assert gate.offer_path(SECOND, path(1.0)) is None
-    assert gate.path_stamp == 2 * SECOND
+def test_certificate_that_expires_while_it_waits_for_its_path_is_not_followed() -> None:
+    robot = Robot()
+    message, certificate = pair(path(2.0))
+    robot.hear(certificate, 3.9)
+    robot.hear(message, 4.0)
+    assert robot.follows is None
 
 
-def test_older_certificate_is_not_taken() -> None:
-    gate = PathGate()
-    gate.offer_path(2 * SECOND, path(2.0))
-    gate.offer_verdict(2 * SECOND, verdict(path(2.0)))
-    assert gate.offer_verdict(SECOND, verdict(path(1.0))) is None
-    assert gate.verdict_stamp == 2 * SECOND
+class TestWithoutDemand:
+    def test_a_path_needs_no_certificate(self) -> None:
+        robot = Robot(require_certificate=False)
+        order = robot.hear(path_to_message(path(1.0)), 1.0)
+        assert order is not None
+        assert order.path is not None
+        assert robot.gate.complete(SECOND)
+        for message in pair(path(1.0), accepted=False):
+            assert robot.hear(message, 1.0) is None
 
-
-def test_without_demand_a_path_needs_no_certificate() -> None:
-    gate = PathGate(require_certificate=False)
-    order = gate.offer_path(SECOND, path(1.0))
-    assert order is not None
-    assert order.path is not None
-    assert gate.complete(SECOND)
+    @pytest.mark.parametrize(
+        ("message", "now", "text"),
+        [
+            (path_to_message(path(0.9)), 1.1, "older than the last one"),
+            (path_to_message(path(1.1)), 2.1, "ends at 2.100 s, now is 2.100 s"),
+            (path_to_message(path(2.0)), 1.9, "ahead of this robot's clock"),
+        ],
+    )
+    def test_other_demands_stay(self, message: Any, now: float, text: str) -> None:
+        robot = Robot(require_certificate=False)
+        robot.hear(path_to_message(path(1.0)), 1.0)
+        order = robot.hear(message, now)
+        assert order is not None
+        assert order.path is None
+        assert text in order.refusal
+        robot.hear(path_to_message(path(2.5)), 2.5)
+        assert robot.follows == 2.5
 
 
 def test_reset_forgets_the_future() -> None:
-    gate = PathGate()
-    gate.offer_path(9 * SECOND, path(9.0))
-    gate.offer_verdict(9 * SECOND, verdict(path(9.0)))
-    gate.reset()
-    gate.offer_path(SECOND, path(1.0))
-    order = gate.offer_verdict(SECOND, replace(verdict(path(1.0))))
-    assert order is not None
-    assert order.path is not None
+    robot = Robot().drive(9.0)
+    robot.gate.reset()
+    assert robot.resumes(1.0)
+
+
+def test_stamps_of_the_clock_on_the_wall_pair_though_seconds_are_coarser_than_nanoseconds() -> None:
+    stamp = 1_763_800_000_123_456_789
+    message, certificate = stop_pair(stamp)
+    robot = Robot()
+    robot.hear(certificate, stamp / SECOND)
+    robot.hear(message, stamp / SECOND)
+    assert robot.gate.path_stamp == robot.gate.verdict_stamp
+    assert robot.watch((stamp + 9 * SECOND) / SECOND) is None
+
+
+# one bit: every field of both messages
+
+
+def fields(message: Any, where: str = "") -> list[tuple[str, Callable[[], Any], Callable[[Any], None]]]:
+    """Return every plain field of a message with a reader and a writer."""
+    found = []
+    for name in message.get_fields_and_field_types():
+        value, place = getattr(message, name), f"{where}.{name}"
+        if hasattr(value, "get_fields_and_field_types"):
+            found += fields(value, place)
+        elif isinstance(value, list):
+            for index, entry in enumerate(value):
+                found += fields(entry, f"{place}[{index}]")
+        else:
+            read = lambda message=message, name=name: getattr(message, name)  # noqa: E731
+            write = lambda new, message=message, name=name: setattr(message, name, new)  # noqa: E731
+            found.append((place, read, write))
+    return found
+
+
+def flips(value: Any, kind: str) -> list[Any]:
+    """Return a value with each of its bits altered in turn; of texts those that still are UTF-8."""
+    if isinstance(value, float):
+        bits = np.float64(value).view(np.uint64)
+        return [float((bits ^ np.uint64(1 << bit)).view(np.float64)) for bit in range(64)]
+    if isinstance(value, bytes):
+        return [bytes([value[0] ^ (1 << bit)]) for bit in range(8)]
+    if isinstance(value, int):
+        if kind.endswith("nanosec"):
+            return [value ^ (1 << bit) for bit in range(32)]
+        return [int(np.int32(value) ^ np.int32(np.uint32(1 << bit).view(np.int32))) for bit in range(32)]
+    altered = []
+    for bit in range(8 * len(value.encode())):
+        content = bytearray(value.encode())
+        content[bit // 8] ^= 1 << (bit % 8)
+        try:
+            altered.append(content.decode())
+        except UnicodeDecodeError:
+            continue
+    return altered
+
+
+def planned(points: np.ndarray[Any, Any], start: float) -> tuple[Any, Any]:
+    """Return a pair like one of the planner: ragged numbers, all keys."""
+    of = TimedPath(start, 0.1, points)
+    held = Certificate("cart", True, start + 1.75, 0.5031, math.inf, 1.4142135623730951, start, of.digest())
+    plan = PlannedPath("cart", of, held, PathSource.TANGENT_GRAPH, 0.5123)
+    message = path_to_message(of)
+    return message, verdict_to_message(plan, nanoseconds(start), message)
+
+
+WAY = np.cumsum(np.random.default_rng(3).uniform(0.01, 0.05, (4, 2)), axis=0)
+
+
+@pytest.mark.parametrize("path_first", [True, False])
+@pytest.mark.parametrize("index", [0, 1], ids=["path", "certificate"])
+def test_one_bit_of_any_field_stops(index: int, path_first: bool) -> None:
+    count = 0
+    for place, read, _ in fields(planned(WAY, 1.7)[index]):
+        for altered in flips(read(), place):
+            robot = Robot().drive(1.2)
+            messages = planned(WAY, 1.7)
+            write = next(entry for entry in fields(messages[index]) if entry[0] == place)[2]
+            write(altered)
+            for message in messages if path_first else reversed(messages):
+                robot.hear(message, 1.71)
+            assert robot.follows is None, f"{place}: {read()!r} altered to {altered!r} is followed"
+            assert robot.order.refusal, f"{place}: {read()!r} altered to {altered!r} stops without a word"
+            count += 1
+    assert count > 1500
+
+
+@given(st.integers(2, 40), st.integers(0, 10**6), st.data())
+def test_one_bit_of_any_path_stops(length: int, millis: int, data: st.DataObject) -> None:
+    seed = data.draw(st.integers(0, 2**32 - 1))
+    points = np.cumsum(np.random.default_rng(seed).uniform(-0.05, 0.05, (length, 2)), axis=0)
+    start = (10_000 + millis) / 1e3
+    messages = planned(points, start)
+    good = copy.deepcopy(messages)
+    entries = [entry for message in messages for entry in fields(message)]
+    place, read, write = data.draw(st.sampled_from(entries))
+    options = flips(read(), place)
+    if not options:  # an empty text
+        return
+    write(data.draw(st.sampled_from(options)))
+    robot = Robot()
+    for message in good:
+        robot.hear(message, start)
+    assert robot.follows == start
+    robot = Robot().drive(start - 0.5)
+    for message in data.draw(st.permutations(messages)):
+        robot.hear(message, start)
+    assert robot.follows is None, place

@@ -67,6 +67,11 @@ def path_from_message(message: Any, topic: str = "path") -> TimedPath | None:
     check_frame(message, topic)
     if not message.poses:
         return None
+    frames = {pose.header.frame_id for pose in message.poses} - {MAP_FRAME, ""}
+    if frames:
+        raise InvalidInput(
+            f"{topic}: poses have frame_id {', '.join(map(repr, sorted(frames)))}, expected {MAP_FRAME!r}"
+        )
     if len(message.poses) < 2:
         raise InvalidInput(f"{topic}: one pose only; send two or more, or none to stop")
     start = nanoseconds_from_stamp(message.header.stamp)

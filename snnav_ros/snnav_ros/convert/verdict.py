@@ -8,6 +8,7 @@ from typing import Any
 from snnav_core.errors import InvalidInput
 from snnav_core.types import Certificate, PathSource, PlannedPath, Stop, StopReason
 from snnav_ros.available import new_message
+from snnav_ros.convert.seal import SEAL_KEY, seal_of
 from snnav_ros.convert.stamps import nanoseconds, seconds
 
 __all__ = ["Verdict", "verdict_from_message", "verdict_to_message"]
@@ -34,6 +35,8 @@ class Verdict:
         Where the path comes from.
     planning_distance : float or None
         Distance to the boundary that the path was planned for [m].
+    seal : str
+        As it was received (see `seal_of`); empty when there is none, as in recordings made before there was one.
     """
 
     stamp: float
@@ -42,10 +45,25 @@ class Verdict:
     stop: Stop | None = None
     source: PathSource | None = None
     planning_distance: float | None = None
+    seal: str = ""
 
 
-def verdict_to_message(decision: PlannedPath | Stop, stamp_ns: int) -> Any:
-    """Return the DiagnosticStatus of a decision; numbers are written so that reading gives the same float."""
+def verdict_to_message(decision: PlannedPath | Stop, stamp_ns: int, path_message: Any) -> Any:
+    """Return the DiagnosticStatus of a decision, sealed together with its path.
+
+    Parameters
+    ----------
+    decision : PlannedPath or Stop
+    stamp_ns : int
+        Sample time of the decision [ns].
+    path_message : nav_msgs/Path
+        The very message that is published with it.
+
+    Returns
+    -------
+    diagnostic_msgs/DiagnosticStatus
+        Numbers are written so that reading gives the same float.
+    """
     robot = decision.robot_id
     values = {"stamp": repr(seconds(stamp_ns))}
     if isinstance(decision, Stop):
@@ -69,6 +87,8 @@ def verdict_to_message(decision: PlannedPath | Stop, stamp_ns: int) -> Any:
     status.values = [
         new_message("diagnostic_msgs/KeyValue", key=key, value=value) for key, value in values.items()
     ]
+    seal = seal_of(path_message, status)
+    status.values.append(new_message("diagnostic_msgs/KeyValue", key=SEAL_KEY, value=seal))
     return status
 
 
@@ -78,14 +98,17 @@ def verdict_from_message(message: Any, topic: str = "certificate") -> Verdict:
     Raises
     ------
     InvalidInput
-        With topic and key if one is missing or unreadable.
+        With topic and key if one is missing, unreadable or there twice.
     """
     values = {pair.key: pair.value for pair in message.values}
+    if len(values) < len(message.values):
+        raise InvalidInput(f"{topic}: a key is there twice; send every key once")
     robot = message.hardware_id
     try:
-        stamp = seconds(nanoseconds(float(values["stamp"])))
+        stamp, seal = seconds(nanoseconds(float(values["stamp"]))), values.get(SEAL_KEY, "")
         if "stop" in values:
-            return Verdict(stamp, robot, stop=Stop(robot, StopReason(values["stop"]), message.message))
+            stop = Stop(robot, StopReason(values["stop"]), message.message)
+            return Verdict(stamp, robot, stop=stop, seal=seal)
         numbers = {name: float(values[name]) for name in _NUMBERS}
         if values["accepted"] not in ("true", "false"):
             raise ValueError(f"accepted is {values['accepted']!r}, expected true or false")
@@ -98,4 +121,4 @@ def verdict_from_message(message: Any, topic: str = "certificate") -> Verdict:
         ) from None
     except ValueError as error:
         raise InvalidInput(f"{topic}: {error}; send the keys as documented") from None
-    return Verdict(stamp, robot, certificate, source=source, planning_distance=distance)
+    return Verdict(stamp, robot, certificate, source=source, planning_distance=distance, seal=seal)

@@ -7,9 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import JumpThreshold
 from rclpy.context import Context
-from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -18,6 +16,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from snnav_ros.convert.frames import header
 from snnav_ros.lockstep import Participant
+from snnav_ros.nodes.node_time import is_simulated, now_of, steady_clock, watch_time
 from snnav_ros.parameters import ParameterReader
 from snnav_ros.waiting import WaitingReport
 
@@ -119,8 +118,13 @@ class ManagedNode(LifecycleNode):
         self._halt.append(lambda: self.destroy_subscription(subscription))
 
     def every(self, period: float, callback: Callable[[], None]) -> None:
-        """Call something periodically [s, time of ROS] until the node is deactivated."""
-        timer = self.create_timer(period, self._while_active(callback))
+        """Call something periodically [s] until the node is deactivated.
+
+        The period is one of simulated time, or of a steady clock: a timer on the clock of the machine would stand
+        still for an hour when that is set back by one.
+        """
+        clock = None if is_simulated(self) else steady_clock()
+        timer = self.create_timer(period, self._while_active(callback), clock=clock)
         self._halt.append(lambda: self.destroy_timer(timer))
 
     def participate(
@@ -182,24 +186,6 @@ class ManagedNode(LifecycleNode):
 def _call_all(callbacks: list[Callable[[], object]]) -> None:
     while callbacks:
         callbacks.pop()()
-
-
-def now_of(node: Node) -> int:
-    """Return the time of a node's clock [ns]."""
-    return int(node.get_clock().now().nanoseconds)
-
-
-def watch_time(node: Node, reset: Callable[[], None]) -> Any:
-    """Call `reset` whenever the clock of a node jumps back; the returned handle must be kept."""
-    back = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False)
-
-    def jumped(jump: Any) -> None:
-        node.get_logger().warning(
-            f"time jumped back by {-jump.delta.nanoseconds / 1e9:.3f} s: starting afresh"
-        )
-        reset()
-
-    return node.get_clock().create_jump_callback(back, post_callback=jumped)
 
 
 def serve(

@@ -30,7 +30,8 @@ from snnav_ros.convert import (
     verdict_to_message,
 )
 from snnav_ros.lockstep import Participant
-from snnav_ros.nodes.base import ManagedNode, NodeOptions, diagnostics, now_of, serve, status, watch_time
+from snnav_ros.nodes.base import ManagedNode, NodeOptions, diagnostics, serve, status
+from snnav_ros.nodes.node_time import now_of, watch_time
 from snnav_ros.nodes.robots import read_robots
 from snnav_ros.qos import COMMAND, DIAGNOSTICS, LATCHED, ODOMETRY_INPUT, for_mode
 from snnav_ros.scenes import read_scene
@@ -48,12 +49,17 @@ class PlannerParameters:
     Parameters
     ----------
     max_area_age : float or None
-        All robots are stopped when the unoccupied area is older [s]; two sampling intervals when left out.
+        All robots are stopped when the unoccupied area is older, also when it comes so late [s]; two sampling
+        intervals when left out.
+    clock_tolerance : float
+        How far stamps of the area and of odometry may lie ahead of the planner's clock [s]; what lies farther ahead is
+        not used. Not in lockstep, where time waits.
     odometry_frames : tuple of str
         Frames of odometry that coincide with the map; `{robot}` stands for the id of the robot.
     """
 
     max_area_age: float | None = None
+    clock_tolerance: float = 0.05
     odometry_frames: tuple[str, ...] = (MAP_FRAME,)
 
 
@@ -95,6 +101,7 @@ class PlannerNode(ManagedNode):
         self._area_stamp = -1
         self._states: dict[str, tuple[int, RobotState]] = {}
         self._problems: dict[str, str] = {}
+        self._reasons: dict[str, StopReason | None] = {}
         self._misses = 0
         command = for_mode(self.lockstep, COMMAND)
         self._paths = {name: self.publisher(Path, f"{name}/path", command) for name in self.robots}
@@ -153,6 +160,7 @@ class PlannerNode(ManagedNode):
         frames = [frame.replace("{robot}", name) for frame in self.settings.odometry_frames]
         try:
             state = state_from_message(message, name, topic, frames)
+            self._check_ahead(topic, nanoseconds_from_stamp(message.header.stamp))
         except InvalidInput as error:
             self._complain(topic, error)
             return
@@ -164,16 +172,26 @@ class PlannerNode(ManagedNode):
         self._waiting.heard(_AREA)
         stamp = nanoseconds_from_stamp(message.header.stamp)
         try:
-            self._area = area_from_message(message, _AREA)
+            area = area_from_message(message, _AREA)
+            self._check_ahead(_AREA, stamp)
         except InvalidInput as error:
             self._complain(_AREA, error)
             return
         self._problems.pop(_AREA, None)
-        self._area_stamp = stamp
-        if self._participant is None:
-            self._step(stamp, self._area)
-        else:
+        self._area, self._area_stamp = area, stamp
+        if self._participant is not None:
             self._step_when_complete()
+        elif not self._watch_area():
+            self._step(stamp, area)
+
+    def _check_ahead(self, topic: str, stamp: int) -> None:
+        """Refuse what is stamped in the future: later it would pass for fresh. In lockstep time waits for its data."""
+        ahead = 0.0 if self.lockstep else seconds(stamp - now_of(self))
+        if ahead > self.settings.clock_tolerance:
+            raise InvalidInput(
+                f"{topic}: stamped {ahead:.3f} s ahead of the planner's clock, more than clock_tolerance "
+                f"{self.settings.clock_tolerance:g} s; synchronise the clocks"
+            )
 
     def _complain(self, topic: str, error: InvalidInput) -> None:
         if topic not in self._problems:
@@ -192,15 +210,16 @@ class PlannerNode(ManagedNode):
             self._step(tick, self._area)
             self._participant.done()
 
-    def _watch_area(self) -> None:
+    def _watch_area(self) -> bool:
+        """Stop all robots when the area is too old; return whether it is."""
         now = now_of(self)
         if self._area is None or now - self._area_stamp <= nanoseconds(self._max_area_age):
-            return
+            return False
         age = seconds(now - self._area_stamp)
         message = f"the unoccupied area is {age:.1f} s old; check the fusion node"
-        self.get_logger().warning(f"all robots stop: {message}", throttle_duration_sec=5.0)
         decisions = {name: Stop(name, StopReason.NO_AREA, message) for name in self.robots}
         self._publish(now, StepResult(seconds(now), dict(decisions)), 0.0)
+        return True
 
     def _step(self, now: int, area: UnoccupiedArea) -> None:
         begin = clock.perf_counter()
@@ -214,14 +233,29 @@ class PlannerNode(ManagedNode):
     def _publish(self, now: int, result: StepResult, duration: float) -> None:
         statuses = []
         for name, decision in result.decisions.items():
-            stopped = isinstance(decision, Stop)
-            self._paths[name].publish(stop_to_path(now) if stopped else path_to_message(decision.path))
-            self._verdicts[name].publish(verdict_to_message(decision, now))
+            path = stop_to_path(now) if isinstance(decision, Stop) else path_to_message(decision.path)
+            self._paths[name].publish(path)
+            self._verdicts[name].publish(verdict_to_message(decision, now, path))
+            self._tell(name, decision)
             statuses.append(self._robot_status(now, name, decision))
         problem = "; ".join(self._problems.values())
         values = {"step_ms": f"{1e3 * duration:.4f}", "deadline_misses": self._misses}
         statuses.append(status("planner", self.get_name(), problem, values))
         self._diagnostics.publish(diagnostics(now, statuses))
+
+    def _tell(self, name: str, decision: PlannedPath | Stop) -> None:
+        """Say once why a robot stops, and that it drives again."""
+        reason = decision.reason if isinstance(decision, Stop) else None
+        before = self._reasons.get(name)
+        self._reasons[name] = reason
+        if reason is before:
+            return
+        if not isinstance(decision, Stop):
+            self.get_logger().info(f"robot {name} drives again")
+        elif reason in (StopReason.ARRIVED, StopReason.NO_GOAL):
+            self.get_logger().info(f"robot {name} stops ({decision.reason.value}): {decision.message}")
+        else:
+            self.get_logger().warning(f"robot {name} stops ({decision.reason.value}): {decision.message}")
 
     def _robot_status(self, now: int, name: str, decision: PlannedPath | Stop) -> Any:
         stamp = self._states.get(name, (None,))[0]

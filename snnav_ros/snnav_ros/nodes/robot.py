@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+import time
 from collections import deque
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped
@@ -18,72 +18,25 @@ from snnav_ros.convert import (
     nanoseconds,
     nanoseconds_from_stamp,
     odometry_to_message,
-    path_from_message,
     seconds,
     state_from_message,
-    verdict_from_message,
 )
 from snnav_ros.convert.frames import header
 from snnav_ros.gate import Order, PathGate
 from snnav_ros.lockstep import Participant
-from snnav_ros.nodes.base import ManagedNode, NodeOptions, diagnostics, now_of, serve, status, watch_time
+from snnav_ros.nodes.base import ManagedNode, NodeOptions, diagnostics, serve, status
 from snnav_ros.nodes.frames import FrameBroadcaster
-from snnav_ros.parameters import ParameterReader
+from snnav_ros.nodes.node_time import ClockWatch, is_simulated, now_of, watch_time
+from snnav_ros.nodes.robot_parameters import RobotParameters, read_robot
 from snnav_ros.qos import COMMAND, DIAGNOSTICS, ODOMETRY, ODOMETRY_INPUT, for_mode
 from snnav_ros.scenes import read_scene
 from snnav_sim.devices.base import PioneerBase
-from snnav_sim.scene_types import RobotScene, Scene
 
 __all__ = ["RobotNode", "RobotParameters"]
 
 _HEADINGS_KEPT = 200
+_TIME_TOLERANCE = 1e-9  # [s]
 _STOP = VelocityCommand(0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class RobotParameters:
-    """Parameters of the node besides those of the tracker.
-
-    Parameters
-    ----------
-    robot_id : str
-        Name of the robot; may stay empty when the scene has only one.
-    start : tuple of float
-        Where the simulated base stands at first [m, map].
-    heading_deg : float
-        Its heading there [degree, map].
-    speed : float
-        Constant travelling speed [m/s].
-    max_turn_rate : float
-        Largest turn rate u_M [rad/s].
-    radius : float
-        Radius of the disk that covers the robot [m].
-    control_period : float
-        From command to command [s].
-    sampling_interval : float
-        From path to path [s]; used in lockstep.
-    base : {"simulated", "external"}
-        Drive a simulated Pioneer base and publish its odometry, or hear `<robot>/odom` of a real one.
-    require_certificate : bool
-        Follow a path only with an accepted certificate that bears its digest.
-    max_odometry_age : float
-        With an external base: the robot is stopped when its odometry is older [s].
-    stamped : bool
-        Publish `<robot>/cmd_vel` as TwistStamped instead of Twist.
-    """
-
-    robot_id: str = ""
-    start: tuple[float, ...] = (0.0, 0.0)
-    heading_deg: float = 0.0
-    speed: float = 0.5
-    max_turn_rate: float = 1.0
-    radius: float = 0.3
-    control_period: float = 0.05
-    sampling_interval: float = 1.0
-    base: Literal["simulated", "external"] = "simulated"
-    require_certificate: bool = True
-    max_odometry_age: float = 0.5
-    stamped: bool = False
 
 
 class RobotNode(ManagedNode):
@@ -92,7 +45,7 @@ class RobotNode(ManagedNode):
     def __init__(self, options: NodeOptions | None = None) -> None:
         super().__init__("robot_node", options or NodeOptions())
         scene = read_scene(self.reader)
-        self.settings, entry = _read(self.reader, scene)
+        self.settings, entry = read_robot(self.reader, scene)
         tracker = self.reader.settings(TrackerSettings, "tracker")
         self.reader.finish()
         settings = self.settings
@@ -105,15 +58,16 @@ class RobotNode(ManagedNode):
             self.reader.fail("tracker", str(error))
         if self.lockstep and settings.base == "external":
             self.reader.fail("base", "value 'external' does not go with lockstep; a real base does not wait")
-        if not self.lockstep:
-            self._jump = watch_time(self, self.reset)
+        self._by_wall = not self.lockstep and not is_simulated(self)
+        if not self.lockstep and not self._by_wall:
+            self._jump = watch_time(self, self._on_time_back)
         serve(self, self.options, self.reset, {"enable": self._enable})
         self.autostart()
 
     def configure(self) -> None:
         """Make the publishers."""
         name = self.spec.id
-        self._gate = PathGate(self.settings.require_certificate)
+        self._gate = PathGate(name, self.settings.rules)
         self._enabled = True
         self._commands = self.publisher(
             TwistStamped if self.settings.stamped else Twist,
@@ -149,13 +103,33 @@ class RobotNode(ManagedNode):
         self._begin()
 
     def _begin(self) -> None:
-        self._tracker.reset()
         self._base = PioneerBase(self._start, self.spec)
-        self._pose: tuple[int, Pose2D] | None = None
-        self._headings: deque[tuple[int, float]] = deque(maxlen=_HEADINGS_KEPT)
-        self._command = _STOP
+        self._forget()
         self._refusal = ""
-        self._last_path = -1
+
+    def _forget(self) -> None:
+        """Be without a path, and without what was measured by a clock that is wrong; the base stays where it is."""
+        self._tracker.reset()
+        self._watch = ClockWatch(lambda: now_of(self))
+        self._pose: tuple[int, Pose2D] | None = None
+        self._moved_at: int | None = None
+        self._headings: deque[tuple[int, float]] = deque(maxlen=_HEADINGS_KEPT)
+        self._command, self._hold = _STOP, 0.0
+        self._valid_until, self._deadline = math.inf, math.inf
+        self._logged: set[str] = set()
+        self._is_reported = True
+
+    def _on_time_back(self) -> None:
+        self.reset()
+        self._refuse("jump", "the clock jumped back; a new path is waited for", logged=True)
+
+    def _check_clock(self) -> None:
+        """Forget the path when the clock of the machine was set: its stamps and its validity mean nothing any more."""
+        jump = self._watch.jump() if self._by_wall else 0.0
+        if jump:
+            self._gate.reset()
+            self._forget()
+            self._refuse("jump", f"the clock jumped by {jump:+.3f} s; a new path is waited for, check NTP")
 
     def _inputs(self) -> list[str]:
         name = self.spec.id
@@ -168,25 +142,19 @@ class RobotNode(ManagedNode):
 
     # what comes in
 
+    def _now(self) -> int:
+        """Return the time [ns]: of the clock of ROS, or in lockstep of the last tick."""
+        return now_of(self) if self._participant is None else self._participant.now
+
     def _on_path(self, message: Path) -> None:
-        topic, stamp = f"{self.spec.id}/path", nanoseconds_from_stamp(message.header.stamp)
-        self._waiting.heard(topic)
-        try:
-            order = self._gate.offer_path(stamp, path_from_message(message, topic))
-        except InvalidInput as error:
-            order = Order(None, refusal=str(error))
-        self._obey(order, stamp)
+        self._waiting.heard(f"{self.spec.id}/path")
+        self._check_clock()
+        self._obey(self._gate.offer_path(message, self._now()))
 
     def _on_verdict(self, message: DiagnosticStatus) -> None:
-        topic = f"{self.spec.id}/certificate"
-        self._waiting.heard(topic)
-        try:
-            verdict = verdict_from_message(message, topic)
-        except InvalidInput as error:
-            self._obey(Order(None, refusal=str(error)), self._gate.path_stamp)
-            return
-        stamp = nanoseconds(verdict.stamp)
-        self._obey(self._gate.offer_verdict(stamp, verdict), stamp)
+        self._waiting.heard(f"{self.spec.id}/certificate")
+        self._check_clock()
+        self._obey(self._gate.offer_certificate(message, self._now()))
 
     def _on_odometry(self, message: Odometry) -> None:
         topic = f"{self.spec.id}/odom"
@@ -198,15 +166,29 @@ class RobotNode(ManagedNode):
             return
         self._moved(nanoseconds_from_stamp(message.header.stamp), state.pose)
 
-    def _obey(self, order: Order | None, stamp: int) -> None:
+    def _obey(self, order: Order | None) -> None:
         if order is not None:
-            if order.refusal and order.refusal != self._refusal:
-                self.get_logger().warning(f"robot {self.spec.id} stops: {order.refusal}")
-            self._refusal = order.refusal
-            heading = next((value for when, value in reversed(self._headings) if when <= stamp), None)
+            heading = None
+            if order.refusal:
+                self._refuse(order.cause, order.refusal)
+            else:
+                self._refusal = ""
+            if order.path is not None:
+                self._logged.clear()
+                start = nanoseconds(order.path.start_time)
+                heading = next((value for when, value in reversed(self._headings) if when <= start), None)
             valid_until = order.valid_until if math.isfinite(order.valid_until) else None
             self._tracker.set_path(order.path, heading, valid_until)
+            self._valid_until = order.valid_until
+            self._deadline = _steady() + order.valid_until - seconds(self._now())
         self._drive_when_complete()
+
+    def _refuse(self, cause: str, text: str, *, logged: bool = False) -> None:
+        """Note why the robot stops, and say it once until it drives again."""
+        if cause not in self._logged and not logged:
+            self.get_logger().warning(f"robot {self.spec.id} stops: {text}")
+        self._logged.add(cause)
+        self._refusal, self._is_reported = text, False
 
     # what goes out
 
@@ -224,15 +206,21 @@ class RobotNode(ManagedNode):
             self._participant.done()
 
     def _on_timer(self) -> None:
+        self._check_clock()
         now = now_of(self)
+        order = self._gate.watch(now)
+        if order is not None:
+            self._obey(order)
         if self.settings.base == "simulated":
             self._move(now)
         self._drive(now)
 
     def _move(self, now: int) -> None:
         """Let the simulated base drive up to now, and publish where it is."""
-        if self._pose is not None:
-            self._base.apply(self._command, seconds(now - self._pose[0]))
+        moment = time.monotonic_ns() if self._by_wall else now
+        if self._moved_at is not None:
+            self._base.apply(self._command, max(0.0, seconds(moment - self._moved_at)), self._hold)
+        self._moved_at = moment
         self._moved(now, self._base.pose)
         driven = self._base.command
         message = odometry_to_message(self.spec.id, self._base.pose, driven.speed, driven.turn_rate, now)
@@ -247,14 +235,32 @@ class RobotNode(ManagedNode):
         problem = self._trouble(now)
         self._command = _STOP
         if not problem and self._pose is not None:
-            self._command = self._tracker.command(self._pose[1], seconds(now))
+            left = self._window_left(now)
+            period, holds = self.settings.control_period, self.settings.command_holds
+            self._hold = max(
+                period, min(holds, left)
+            )  # the simulated base ends with the window, a real one may not
+            if left + _TIME_TOLERANCE >= (holds if self.settings.base == "external" else period):
+                self._command = self._tracker.command(self._pose[1], seconds(now))
+            elif not self._tracker.finished and not self._refusal:
+                end = f"the certificate ended at {self._valid_until:.3f} s and no newer path came"
+                self._refuse("window", f"{end}; check the planner")
         twist = Twist()
         twist.linear.x, twist.angular.z = self._command.speed, self._command.turn_rate
         if self.settings.stamped:
             twist = TwistStamped(header=header(now, f"{self.spec.id}/base_link"), twist=twist)
         self._commands.publish(twist)
-        if now % nanoseconds(self.settings.sampling_interval) < nanoseconds(self.settings.control_period):
+        sampled = now % nanoseconds(self.settings.sampling_interval) < nanoseconds(
+            self.settings.control_period
+        )
+        if sampled or not self._is_reported:
+            self._is_reported = True
             self._report(now, problem)
+
+    def _window_left(self, now: int) -> float:
+        """Return how long the path may still be followed [s], by the clock of ROS and by a steady one."""
+        left = self._valid_until - seconds(now)
+        return min(left, self._deadline - _steady()) if self._by_wall else left
 
     def _trouble(self, now: int) -> str:
         """Return why the robot must not drive, or an empty text."""
@@ -265,12 +271,15 @@ class RobotNode(ManagedNode):
         age = seconds(now - self._pose[0])
         if age > self.settings.max_odometry_age:
             return f"odometry is {age:.2f} s old"
+        if age < -self.settings.clock_tolerance:
+            return f"odometry is stamped {-age:.2f} s ahead of this robot's clock; synchronise the clocks"
         return ""
 
     def _report(self, now: int, problem: str) -> None:
         values: dict[str, Any] = {
             "cross_track_error": f"{self._tracker.cross_track_error:.4f}",
             "speed": f"{self._command.speed:.4f}",
+            "window_left": "none" if self._tracker.finished else f"{max(0.0, self._window_left(now)):.3f}",
             "path_age": "none"
             if self._gate.path_stamp < 0
             else f"{seconds(now - self._gate.path_stamp):.3f}",
@@ -279,43 +288,6 @@ class RobotNode(ManagedNode):
         self._diagnostics.publish(diagnostics(now, [entry]))
 
 
-def _read(reader: ParameterReader, scene: Scene | None) -> tuple[RobotParameters, RobotScene | None]:
-    """Return the parameters, and the robot of the scene whose heading they take over."""
-    if scene is None:
-        settings = reader.settings(RobotParameters)
-        if not settings.robot_id:
-            reader.fail("robot_id", "is not given; name the robot")
-        return _checked(reader, settings), None
-    ids = [robot.id for robot in scene.robots]
-    chosen = reader.peek("robot_id", ids[0] if len(ids) == 1 else "")
-    if chosen not in ids:
-        reader.fail(
-            "robot_id", f"value {chosen!r} names no robot of {scene.name}; it has {', '.join(ids) or 'none'}"
-        )
-    robot = scene.robots[ids.index(chosen)]
-    settings = reader.settings(
-        RobotParameters,
-        robot_id=robot.id,
-        start=robot.start,
-        heading_deg=math.degrees(robot.heading),
-        speed=robot.speed,
-        max_turn_rate=robot.max_turn_rate,
-        radius=robot.radius,
-        control_period=scene.control_period,
-        sampling_interval=scene.sampling_interval,
-    )
-    return _checked(reader, settings), robot if settings.heading_deg == math.degrees(robot.heading) else None
-
-
-def _checked(reader: ParameterReader, settings: RobotParameters) -> RobotParameters:
-    if len(settings.start) != 2 or not all(map(math.isfinite, (*settings.start, settings.heading_deg))):
-        reader.fail(
-            "start", f"value {list(settings.start)} with heading_deg {settings.heading_deg} is no pose"
-        )
-    ratio = settings.sampling_interval / settings.control_period
-    if abs(ratio - round(ratio)) > 1e-6 or ratio < 0.5:
-        reader.fail(
-            "control_period",
-            f"value {settings.control_period} does not divide sampling_interval {settings.sampling_interval}",
-        )
-    return settings
+def _steady() -> float:
+    """Return the time of a clock that nobody can set [s]."""
+    return time.monotonic()

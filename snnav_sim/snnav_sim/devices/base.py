@@ -27,8 +27,8 @@ class PioneerBase:
         self.pose = pose
         self.command = VelocityCommand(0.0, 0.0)
 
-    def apply(self, command: VelocityCommand, duration: float) -> Pose2D:
-        """Drive for a while and return the new pose.
+    def apply(self, command: VelocityCommand, duration: float, hold: float = math.inf) -> Pose2D:
+        """Let a while pass after a command and return the new pose.
 
         Parameters
         ----------
@@ -36,7 +36,9 @@ class PioneerBase:
             Clipped to speeds from 0 to the robot's speed and to its turn rate; `command` of the base holds what
             was driven.
         duration : float
-            [s]
+            Time that passes [s].
+        hold : float
+            The base stops by itself so long after the command [s]: whoever gave it may have fallen asleep.
 
         Raises
         ------
@@ -49,5 +51,8 @@ class PioneerBase:
         self.command = VelocityCommand(
             min(max(command.speed, 0.0), self.spec.speed), min(max(command.turn_rate, -limit), limit)
         )
-        self.pose = step_unicycle(self.pose, self.command.speed, self.command.turn_rate, duration)
+        driven = min(duration, hold)
+        self.pose = step_unicycle(self.pose, self.command.speed, self.command.turn_rate, driven)
+        if driven < duration:
+            self.command = VelocityCommand(0.0, 0.0)
         return self.pose

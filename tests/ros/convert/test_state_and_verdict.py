@@ -27,12 +27,15 @@ from snnav_core.types import (
 from snnav_ros.convert import (
     goal_from_message,
     odometry_to_message,
+    path_to_message,
     state_from_message,
+    stop_to_path,
     verdict_from_message,
     verdict_to_message,
     yaw_from_message,
     yaw_to_message,
 )
+from snnav_ros.convert.seal import SEAL_KEY
 
 NUMBER = st.floats(-1e6, 1e6)
 HEADING = st.floats(math.nextafter(-math.pi, 0.0), math.pi).filter(lambda x: x == 0.0 or abs(x) > 1e-300)
@@ -119,7 +122,8 @@ def test_certificate_survives_exactly(
         "robot_1", accepted, until, clearance, separation, radius, stamp, digest, reason
     )
     path = TimedPath(0.0, 1.0, np.array([[0.0, 0.0], [1.0, 0.0]]))
-    sent = verdict_to_message(PlannedPath("robot_1", path, certificate, source, clearance), time)
+    plan = PlannedPath("robot_1", path, certificate, source, clearance)
+    sent = verdict_to_message(plan, time, path_to_message(path))
     verdict = verdict_from_message(deserialize_message(serialize_message(sent), DiagnosticStatus))
     assert verdict.certificate == certificate
     assert (verdict.source, verdict.planning_distance, verdict.stop) == (source, clearance, None)
@@ -130,7 +134,7 @@ def test_certificate_survives_exactly(
 @given(st.sampled_from(StopReason), st.integers(0, 10**15))
 def test_stop_survives_exactly(reason: StopReason, time: int) -> None:
     stop = Stop("robot_1", reason, "the target (3, 4) lies outside; choose another")
-    sent = verdict_to_message(stop, time)
+    sent = verdict_to_message(stop, time, stop_to_path(time))
     verdict = verdict_from_message(deserialize_message(serialize_message(sent), DiagnosticStatus))
     assert verdict.stop == stop
     assert verdict.certificate is None
@@ -141,15 +145,21 @@ def test_certificate_with_a_missing_or_unreadable_key_is_refused() -> None:
     def message() -> DiagnosticStatus:
         path = TimedPath(0.0, 1.0, np.array([[0.0, 0.0], [1.0, 0.0]]))
         certificate = Certificate("r", True, 1.0, 1.0, 1.0, 1.0, 0.0, path.digest())
-        return verdict_to_message(PlannedPath("r", path, certificate, PathSource.WARM_START, 1.0), 0)
+        plan = PlannedPath("r", path, certificate, PathSource.WARM_START, 1.0)
+        return verdict_to_message(plan, 0, path_to_message(path))
 
-    for index in range(len(message().values)):
+    assert message().values[-1].key == SEAL_KEY
+    for index in range(len(message().values) - 1):
         less, worse = message(), message()
         key = less.values[index].key
         del less.values[index]
         with pytest.raises(InvalidInput, match=f"key '{key}' is missing"):
             verdict_from_message(less)
         worse.values[index].value = "rubbish"
+        twice = message()
+        twice.values.append(message().values[index])
+        with pytest.raises(InvalidInput, match="there twice"):
+            verdict_from_message(twice)
         if key not in ("robot_id", "path_digest", "reason"):
             with pytest.raises(InvalidInput, match="rubbish"):
                 verdict_from_message(worse)

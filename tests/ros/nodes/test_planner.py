@@ -67,6 +67,7 @@ class Site:
             self.graph.until(lambda: self.node._goals.get("cart") == (x, y), "the goal")
 
     def stand(self, stamp: int, pose: Pose2D, frame: str = "map") -> None:
+        self.at(stamp)
         message = odometry_to_message("cart", pose, 0.0, 0.0, stamp)
         message.header.frame_id = frame
         self.odometry.publish(message)
@@ -85,6 +86,7 @@ class Site:
 
     def step(self, stamp: int, region: shapely.MultiPolygon = HALL) -> tuple[Any, Any]:
         """Publish an area; return path and verdict of the step that follows."""
+        self.at(stamp)
         count = len(self.paths)
         self.area.publish(area_to_message(UnoccupiedArea(stamp / SECOND, region)))
         return self.answer(count)

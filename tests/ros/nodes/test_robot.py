@@ -66,12 +66,13 @@ class Site:
     def order(
         self, path: TimedPath, *, certificate: bool = True, until: float = 1e6, digest: str = ""
     ) -> None:
-        self.paths.publish(path_to_message(path))
+        message = path_to_message(path)
+        self.paths.publish(message)
         stamp = round(path.start_time * 1e9)
         if certificate:
             held = Certificate("cart", True, until, 1.0, 1.0, 1.0, 0.0, digest or path.digest())
             plan = PlannedPath("cart", path, held, PathSource.WARM_START, 1.0)
-            self.verdicts.publish(verdict_to_message(plan, stamp))
+            self.verdicts.publish(verdict_to_message(plan, stamp, message))
             self.graph.until(lambda: self.node._gate.verdict_stamp == stamp, "the certificate")
         self.graph.until(lambda: self.node._gate.path_stamp == stamp, "the path")
 
@@ -164,21 +165,29 @@ def test_empty_path_stops(graph: Any) -> None:
     site.run(1)
     site.order(straight(1))
     site.run(4)
-    site.paths.publish(stop_to_path(5 * TICK))
-    site.verdicts.publish(verdict_to_message(Stop("cart", StopReason.NO_PATH, "no way"), 5 * TICK))
+    message = stop_to_path(5 * TICK)
+    site.paths.publish(message)
+    site.verdicts.publish(verdict_to_message(Stop("cart", StopReason.NO_PATH, "no way"), 5 * TICK, message))
     graph.until(lambda: site.node._gate.path_stamp == 5 * TICK)
     site.run(1)
     assert site.speed == 0.0
 
 
-def test_older_path_is_ignored(graph: Any) -> None:
-    site = Site(graph, require_certificate=False)
+def test_older_path_stops_until_a_newer_one_comes(graph: Any, capfd: pytest.CaptureFixture[str]) -> None:
+    site = Site(graph)
     site.run(5)
-    site.order(straight(5, y=2.0), certificate=False)
+    site.order(straight(5))
+    site.run(3)
+    assert site.speed == 0.5
     older = straight(3, y=4.0)
     site.paths.publish(path_to_message(older))
+    graph.until(lambda: bool(site.node._refusal))
     site.run(20)
-    assert abs(site.pose.y - 2.0) < 0.01
+    assert site.speed == 0.0
+    assert capfd.readouterr().err.count("stops: cart/path: stamped 0.150 s, older than the last one") == 1
+    site.order(straight(28))
+    site.run(2)
+    assert site.speed == 0.5
 
 
 def test_path_that_lies_stops(graph: Any, capfd: pytest.CaptureFixture[str]) -> None:
@@ -242,10 +251,10 @@ def test_external_base_is_driven_by_its_odometry(graph: Any) -> None:
     odometry.publish(odometry_to_message("cart", Pose2D(1.0, 2.0, 0.0), 0.0, 0.0, TICK))
     path = straight(1)
     certificate = Certificate("cart", True, 9.0, 1.0, 1.0, 1.0, 0.0, path.digest())
-    paths.publish(path_to_message(path))
-    verdicts.publish(
-        verdict_to_message(PlannedPath("cart", path, certificate, PathSource.WARM_START, 1.0), TICK)
-    )
+    message = path_to_message(path)
+    paths.publish(message)
+    plan = PlannedPath("cart", path, certificate, PathSource.WARM_START, 1.0)
+    verdicts.publish(verdict_to_message(plan, TICK, message))
     graph.until(lambda: node._gate.complete(TICK) and node._pose is not None)
     assert command(2).linear.x == 0.5
     assert command(8).linear.x == 0.0  # odometry is 0.35 s old
