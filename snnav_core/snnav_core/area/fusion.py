@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from snnav_core.area.agreement import agree, cut_returns
 from snnav_core.area.hiding import RobotHiding
 from snnav_core.area.history import SeenHistory
-from snnav_core.area.intake import TIME_TOLERANCE, is_repeated, same_ranges
+from snnav_core.area.intake import TIME_TOLERANCE, check_clock, is_repeated, same_ranges
 from snnav_core.area.memory import remember
 from snnav_core.area.planar import LostPart, UnoccupiedArea, as_multipolygon, shrink
 from snnav_core.area.settings import FusionSettings, PlanarSensor
@@ -113,14 +113,22 @@ class AreaFusion:
         self._history.add(scan.stamp, detected)
         return detected
 
-    def add_state(self, state: RobotState) -> None:
+    def add_state(self, state: RobotState, now: float | None = None) -> None:
         """Take where a robot is; before the `area` of the time at which sensors see it there.
+
+        Parameters
+        ----------
+        state : RobotState
+        now : float, optional
+            Time at its arrival [s]: a stamp ahead of it lies.
 
         Raises
         ------
         InvalidInput
-            If the robot is unknown, a number is not finite, or the state is older than the last one.
+            If the robot is unknown, a number is not finite, or the state is older than the last one or ahead of `now`
+            by more than `clock_tolerance`.
         """
+        check_clock(f"state of robot {state.id!r}", state.stamp, now, self.settings.clock_tolerance)
         self._robots.add(state)
 
     def latest_stamp(self, sensor_id: str) -> float | None:

@@ -8,7 +8,7 @@ from snnav_core.area.settings import PlanarSensor
 from snnav_core.errors import InvalidInput
 from snnav_core.sensing.scan import DetectedArea, PlanarScan
 
-__all__ = ["TIME_TOLERANCE", "is_repeated", "same_ranges"]
+__all__ = ["TIME_TOLERANCE", "check_clock", "is_repeated", "same_ranges"]
 
 TIME_TOLERANCE = 1e-6
 """Times no farther apart are the same time [s]."""
@@ -43,11 +43,7 @@ def is_repeated(
         If the stamp is ahead of the clock or older than the last one, if a scan of the same stamp has other ranges, or
         if a device that never repeats itself does.
     """
-    if now is not None and scan.stamp > now + clock_tolerance + TIME_TOLERANCE:
-        raise InvalidInput(
-            f"scan of {sensor.id} stamped {scan.stamp:.3f} s is {scan.stamp - now:.3f} s ahead of the clock "
-            f"({now:.3f} s): ignored; synchronise its clock or raise clock_tolerance"
-        )
+    check_clock(f"scan of {sensor.id}", scan.stamp, now, clock_tolerance)
     if last is None:
         return False
     before, detected = last
@@ -70,6 +66,21 @@ def is_repeated(
             f"{measured} returns; restart the device, or set never_repeats to false for one without noise"
         )
     return False
+
+
+def check_clock(what: str, stamp: float, now: float | None, tolerance: float) -> None:
+    """Make sure that a stamp [s] is not ahead of the clock `now` [s], if there is one, by more than a tolerance [s].
+
+    Raises
+    ------
+    InvalidInput
+        With what bears the stamp: in the future it would pass for new.
+    """
+    if now is not None and not stamp <= now + tolerance + TIME_TOLERANCE:
+        raise InvalidInput(
+            f"{what} stamped {stamp:.3f} s is {stamp - now:.3f} s ahead of the clock ({now:.3f} s): ignored; "
+            "synchronise the clocks or raise clock_tolerance"
+        )
 
 
 def same_ranges(first: PlanarScan, second: PlanarScan) -> bool:

@@ -7,9 +7,11 @@ import the message packages when they are called.
 from snnav_ros.convert.area import area_from_message, area_to_message
 from snnav_ros.convert.frames import MAP_FRAME, check_frame, yaw_from_message, yaw_to_message
 from snnav_ros.convert.grid import area_to_grid
+from snnav_ros.convert.lost import lost_from_message, lost_to_message
 from snnav_ros.convert.odometry import goal_from_message, odometry_to_message, state_from_message
 from snnav_ros.convert.path import path_from_message, path_to_message, stop_to_path
 from snnav_ros.convert.scan import is_nothing, nothing_to_message, scan_from_message, scan_to_message
+from snnav_ros.convert.seen import SEEN_FIELDS, grid_points, seen_to_message
 from snnav_ros.convert.stamps import (
     nanoseconds,
     nanoseconds_from_stamp,
@@ -21,13 +23,17 @@ from snnav_ros.convert.verdict import Verdict, verdict_from_message, verdict_to_
 
 __all__ = [
     "MAP_FRAME",
+    "SEEN_FIELDS",
     "Verdict",
     "area_from_message",
     "area_to_grid",
     "area_to_message",
     "check_frame",
     "goal_from_message",
+    "grid_points",
     "is_nothing",
+    "lost_from_message",
+    "lost_to_message",
     "nanoseconds",
     "nanoseconds_from_stamp",
     "nothing_to_message",
@@ -38,6 +44,7 @@ __all__ = [
     "scan_to_message",
     "seconds",
     "seconds_from_stamp",
+    "seen_to_message",
     "stamp_message",
     "state_from_message",
     "stop_to_path",

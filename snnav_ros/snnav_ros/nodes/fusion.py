@@ -3,34 +3,49 @@
 from __future__ import annotations
 
 import time as clock
+from collections import deque
+from collections.abc import Callable, Iterable
 from dataclasses import MISSING, dataclass, fields
 from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from nav_msgs.msg import OccupancyGrid
+from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import LaserScan, PointCloud2
+from visualization_msgs.msg import MarkerArray
 
 from snnav_core.area.fusion import AreaFusion, FusionSettings
 from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.errors import InvalidInput
 from snnav_ros.convert import (
+    MAP_FRAME,
     area_to_grid,
     area_to_message,
     check_frame,
+    grid_points,
+    is_nothing,
+    lost_to_message,
     nanoseconds,
     nanoseconds_from_stamp,
     scan_from_message,
     seconds,
+    seen_to_message,
+    state_from_message,
 )
 from snnav_ros.lockstep import Participant
 from snnav_ros.nodes.base import ManagedNode, NodeOptions, diagnostics, now_of, serve, status, watch_time
-from snnav_ros.nodes.sensors import read_sensors
-from snnav_ros.qos import DIAGNOSTICS, LATCHED, SENSOR, for_mode
+from snnav_ros.nodes.sensors import read_seen_robots, read_sensors
+from snnav_ros.qos import DIAGNOSTICS, LATCHED, ODOMETRY_INPUT, SENSOR, for_mode
 from snnav_ros.scenes import read_scene
 from snnav_sim.configure import fusion_settings
 
 __all__ = ["FusionNode", "FusionParameters"]
+
+_MOST_SCANS, _MOST_STATES = 10, 200  # of one sensor, of one robot, that wait for the next step in real time
+
+_CLOCK_LAG = 0.1  # [s] that `/clock` may come later here than at a simulated scanner
+
+_Arrivals = dict[str, deque[tuple[int, Any]]]  # by sensor or robot: time of arrival [ns] and message
 
 
 @dataclass(frozen=True)
@@ -43,25 +58,40 @@ class FusionParameters:
         From one unoccupied area to the next [s].
     grid_resolution : float
         Side of a cell of `unoccupied_area/grid` [m].
+    seen_resolution : float
+        Distance between the points of `unoccupied_area/seen` [m].
+    odometry_frames : tuple of str
+        Frames of the odometry of robots that sensors see, as far as they coincide with the map; `{robot}` stands for
+        the id of the robot.
     """
 
     sampling_interval: float = 1.0
     grid_resolution: float = 0.2
+    seen_resolution: float = 0.5
+    odometry_frames: tuple[str, ...] = (MAP_FRAME,)
 
 
 class FusionNode(ManagedNode):
-    """Hears `sensors/<id>/scan`, publishes `unoccupied_area`, its grid, and how the sensors are."""
+    """Hears `sensors/<id>/scan`, publishes `unoccupied_area`, what it lacks, its grid, and how the sensors are.
+
+    Where sensors see robots it hears their odometry too.
+    """
 
     def __init__(self, options: NodeOptions | None = None) -> None:
         super().__init__("fusion_node", options or NodeOptions())
         scene = read_scene(self.reader)
         self.sensors = {one.sensor.id: one for one in read_sensors(self.reader, scene)}
+        self.robots = {
+            spec.id: spec for spec in read_seen_robots(self.reader, scene, list(self.sensors.values()))
+        }
         interval = {} if scene is None else {"sampling_interval": scene.sampling_interval}
         self.settings = self.reader.settings(FusionParameters, **interval)
         base: dict[str, Any] = {"boundary_speed": MISSING}  # how fast things move, a person has to say
         if scene is not None:
             held = fusion_settings(scene)
             base = {field.name: getattr(held, field.name) for field in fields(held)}
+        if self.get_parameter("use_sim_time").value and not self.lockstep:
+            base["clock_tolerance"] = _CLOCK_LAG
         self.fusion_settings = self.reader.settings(FusionSettings, **base)
         self.reader.finish()
         if not self.lockstep:
@@ -72,15 +102,20 @@ class FusionNode(ManagedNode):
 
     def configure(self) -> None:
         """Make the fusion and the publishers."""
-        self._fusion = AreaFusion([one.sensor for one in self.sensors.values()], self.fusion_settings)
+        self._fusion = AreaFusion(
+            [one.sensor for one in self.sensors.values()], self.fusion_settings, list(self.robots.values())
+        )
         self._enabled = dict.fromkeys(self.sensors, True)
-        self._latest: dict[str, LaserScan] = {}
+        self._scans = self._inbox(self.sensors, _MOST_SCANS)
+        self._odometry = self._inbox(self.robots, _MOST_STATES)
         self._problems: dict[str, str] = {}
         self._received = dict.fromkeys(self.sensors, 0)
         self._rejected = dict.fromkeys(self.sensors, 0)
         self._misses = 0
         latched = for_mode(self.lockstep, LATCHED)
+        self._lost = self.publisher(MarkerArray, "unoccupied_area/lost", latched)
         self._areas = self.publisher(PointCloud2, "unoccupied_area", latched)
+        self._seen = self.publisher(PointCloud2, "unoccupied_area/seen", latched)
         self._grids = self.publisher(OccupancyGrid, "unoccupied_area/grid", latched)
         self._diagnostics = self.publisher(
             DiagnosticArray, "/diagnostics", for_mode(self.lockstep, DIAGNOSTICS)
@@ -92,6 +127,9 @@ class FusionNode(ManagedNode):
             self.listen(
                 LaserScan, _topic(name), partial(self._on_scan, name), for_mode(self.lockstep, SENSOR)
             )
+        for name in self.robots:
+            odometry = for_mode(self.lockstep, ODOMETRY_INPUT)
+            self.listen(Odometry, f"{name}/odom", partial(self._on_odometry, name), odometry)
         self._participant: Participant | None = None
         if self.lockstep:
             period = nanoseconds(self.settings.sampling_interval)
@@ -99,72 +137,124 @@ class FusionNode(ManagedNode):
         else:
             self.every(self.settings.sampling_interval, self._on_timer)
         self._waiting = self.report_waiting(
-            lambda: [_topic(name) for name, enabled in self._enabled.items() if enabled]
+            lambda: [
+                *(_topic(name) for name, enabled in self._enabled.items() if enabled),
+                *(f"{name}/odom" for name in self.robots),
+            ]
         )
+
+    def _inbox(self, names: Iterable[str], most: int) -> _Arrivals:
+        """What came since the last step; in lockstep nothing may be left out."""
+        return {name: deque(maxlen=None if self.lockstep else most) for name in names}
 
     def reset(self) -> None:
         """Forget all scans and the memory."""
         self._fusion.reset()
         self._problems.clear()
-        if not self.lockstep:  # in lockstep a scan of the new time may be here before its tick
-            self._latest.clear()
+        if not self.lockstep:  # in lockstep data of the new time may be here before their tick
+            for waiting in (*self._scans.values(), *self._odometry.values()):
+                waiting.clear()
 
     def _enable(self, name: str, enabled: bool) -> None:
         self._enabled[name] = enabled
+        self._scans[name].clear()
         self.get_logger().info(f"sensor {name} is {'used again' if enabled else 'not used'}")
         self._step_when_complete()
 
     def _on_scan(self, name: str, message: LaserScan) -> None:
         self._waiting.heard(_topic(name))
-        self._received[name] += 1
+        self._received[name] += not self._is_end(message)
         if not self._enabled[name]:
             return
-        self._latest[name] = message
+        self._scans[name].append((self._arrival(), message))
         self._step_when_complete()
+
+    def _on_odometry(self, name: str, message: Odometry) -> None:
+        self._waiting.heard(f"{name}/odom")
+        self._odometry[name].append((self._arrival(), message))
+        self._step_when_complete()
+
+    def _is_end(self, message: LaserScan) -> bool:
+        """Whether a message only says that nothing more comes of this tick; in real time nobody says so."""
+        return self.lockstep and is_nothing(message)
+
+    def _arrival(self) -> int:
+        """Time on the clock, which what comes now may not be ahead of; in lockstep the tick of the step counts."""
+        return 0 if self.lockstep else now_of(self)
 
     def _on_tick(self, _: int) -> None:
         self._step_when_complete()
 
     def _on_timer(self) -> None:
-        if self._latest or any(self._fusion.latest_stamp(name) is not None for name in self.sensors):
+        if any(self._scans.values()) or any(
+            self._fusion.latest_stamp(name) is not None for name in self.sensors
+        ):
             self._step(now_of(self))
 
     def _step_when_complete(self) -> None:
-        """In lockstep: go on once the scan of the present tick is there from every sensor in use."""
+        """In lockstep: go on once sensors in use, and robots that are seen, said all up to the present tick."""
         if self._participant is None or self._participant.due is None:
             return
         tick = self._participant.due
-        stamps = {name: nanoseconds_from_stamp(scan.header.stamp) for name, scan in self._latest.items()}
-        if all(stamps.get(name) == tick for name, enabled in self._enabled.items() if enabled):
-            self._step(tick)
-            self._participant.done()
+        needed = [self._scans[name] for name, enabled in self._enabled.items() if enabled]
+        for waiting in (*needed, *self._odometry.values()):
+            if not any(nanoseconds_from_stamp(message.header.stamp) == tick for _, message in waiting):
+                return
+        self._step(tick)
+        self._participant.done()
 
     def _step(self, now: int) -> None:
         begin = clock.perf_counter()
-        for name in sorted(self._latest):
-            self._take(name, self._latest[name])
-        self._latest.clear()
+        for name, waiting in self._odometry.items():
+            self._take_all(f"{name}/odom", waiting, now, partial(self._take_state, name))
+        for name in sorted(self._scans):
+            self._take_all(name, self._scans[name], now, partial(self._take_scan, name))
         area = self._fusion.area(seconds(now))
         duration = clock.perf_counter() - begin
+        self._publish(area, duration, now)
+
+    def _take_all(
+        self, name: str, waiting: deque[tuple[int, Any]], now: int, take: Callable[[Any, float], None]
+    ) -> None:
+        """Give what came to the fusion in the order of arrival; what cannot be used is counted and named."""
+        problem = ""
+        for arrival, message in waiting:
+            try:
+                take(message, seconds(now if self.lockstep else arrival))
+            except InvalidInput as error:
+                problem = str(error)
+                if name in self._rejected:
+                    self._rejected[name] += 1
+                if name not in self._problems:
+                    self.get_logger().warning(f"message of {name} not used: {error}")
+        if problem:
+            self._problems[name] = problem
+        elif waiting:
+            self._problems.pop(name, None)
+        waiting.clear()
+
+    def _take_scan(self, name: str, message: LaserScan, now: float) -> None:
+        if self._is_end(message):
+            return
+        check_frame(message, _topic(name), (self.sensors[name].frame,))
+        self._fusion.add_scan(name, scan_from_message(message), now)
+
+    def _take_state(self, name: str, message: Odometry, now: float) -> None:
+        frames = [frame.replace("{robot}", name) for frame in self.settings.odometry_frames]
+        self._fusion.add_state(state_from_message(message, name, f"{name}/odom", frames), now)
+
+    def _publish(self, area: UnoccupiedArea, duration: float, now: int) -> None:
+        self._lost.publish(lost_to_message(area))
         self._areas.publish(area_to_message(area))
-        if (
-            self.lockstep or self._grids.get_subscription_count() > 0
-        ):  # in lockstep a listener may be found later
+        # in lockstep a listener may be found later
+        if self.lockstep or self._grids.get_subscription_count() > 0:
             self._grids.publish(area_to_grid(area, self.settings.grid_resolution))
+        if self._seen.get_subscription_count() > 0:
+            points = grid_points(area, self.settings.seen_resolution)
+            sensor, stamps = self._fusion.last_seen(points, area.stamp)
+            self._seen.publish(seen_to_message(points, sensor, area.stamp - stamps, now))
         self._misses += duration > self.settings.sampling_interval
         self._diagnostics.publish(diagnostics(now, self._statuses(area, duration)))
-
-    def _take(self, name: str, message: LaserScan) -> None:
-        """Give one scan to the fusion; one that cannot be used is counted and named."""
-        try:
-            check_frame(message, _topic(name), (self.sensors[name].frame,))
-            self._fusion.add_scan(name, scan_from_message(message))
-            self._problems.pop(name, None)
-        except InvalidInput as error:
-            self._rejected[name] += 1
-            if self._problems.get(name) is None:
-                self.get_logger().warning(f"scan of {name} not used: {error}")
-            self._problems[name] = str(error)
 
     def _statuses(self, area: UnoccupiedArea, duration: float) -> list[Any]:
         statuses = []
@@ -182,6 +272,9 @@ class FusionNode(ManagedNode):
             }
             statuses.append(status(f"sensor {name}", name, problem if self._enabled[name] else "", values))
             self._received[name] = 0
+        for name in self.robots:
+            problem = self._problems.get(f"{name}/odom", "")
+            statuses.append(status(f"robot {name} as seen", name, problem, {}))
         values = {
             "step_ms": f"{1e3 * duration:.4f}",
             "deadline_misses": self._misses,

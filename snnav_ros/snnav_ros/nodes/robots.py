@@ -9,7 +9,7 @@ from snnav_core.types import RobotSpec
 from snnav_ros.parameters import ParameterReader
 from snnav_sim.scene_types import Scene
 
-__all__ = ["PlannedRobot", "read_robots"]
+__all__ = ["PlannedRobot", "read_robot_spec", "read_robots"]
 
 Target = tuple[float, float]
 
@@ -54,20 +54,26 @@ def read_robots(reader: ParameterReader, scene: Scene | None) -> list[PlannedRob
     return [_read(reader, robot_id, known.get(robot_id)) for robot_id in ids]
 
 
-def _read(reader: ParameterReader, robot_id: str, known: PlannedRobot | None) -> PlannedRobot:
+def read_robot_spec(reader: ParameterReader, robot_id: str, known: RobotSpec | None) -> RobotSpec:
+    """Declare what has to be known of a robot's body; a value that is missing must be given."""
     values = {}
     for name, text in _TEXTS.items():
-        default = {} if known is None else {"default": getattr(known.spec, name)}
+        default = {} if known is None else {"default": getattr(known, name)}
         values[name] = reader.value(f"{robot_id}.{name}", float, text, **default)
     turns = reader.value(
         f"{robot_id}.can_turn_in_place",
         bool,
         "Whether the base may turn at speed zero (a differential drive can).",
-        True if known is None else known.spec.can_turn_in_place,
+        True if known is None else known.can_turn_in_place,
     )
+    return RobotSpec(robot_id, can_turn_in_place=turns, **values)
+
+
+def _read(reader: ParameterReader, robot_id: str, known: PlannedRobot | None) -> PlannedRobot:
+    spec = read_robot_spec(reader, robot_id, None if known is None else known.spec)
     where = f"{robot_id}.target"
     text = "First goal [m, map]; else the robot waits for `<robot>/goal_pose`."
     target = reader.value(where, tuple[float, ...] | None, text, None if known is None else known.target)
     if target is not None and (len(target) != 2 or not all(map(math.isfinite, target))):
         reader.fail(where, f"value {list(target)} is no point; give two numbers [x, y]")
-    return PlannedRobot(RobotSpec(robot_id, can_turn_in_place=turns, **values), target)
+    return PlannedRobot(spec, target)

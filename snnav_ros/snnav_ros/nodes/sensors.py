@@ -1,18 +1,20 @@
-"""The sensors of a fusion node, from a scene or from parameters."""
+"""The sensors of a fusion node and the robots that they see, from a scene or from parameters."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from snnav_core.area.fusion import PlanarSensor
 from snnav_core.sensing.scan import ScanSettings
-from snnav_core.types import Pose2D
+from snnav_core.types import Pose2D, RobotSpec
+from snnav_ros.nodes.robots import read_robot_spec
 from snnav_ros.parameters import ParameterReader
 from snnav_sim.configure import planar_sensor
 from snnav_sim.scene_types import Scene
 
-__all__ = ["ListenedSensor", "read_sensors"]
+__all__ = ["ListenedSensor", "read_seen_robots", "read_sensors"]
 
 
 @dataclass(frozen=True)
@@ -64,9 +66,43 @@ def _read(reader: ParameterReader, sensor_id: str, known: PlanarSensor | None) -
         heading = known.pose.heading
     text = "frame_id of its scans; the id by default. Drivers often say `laser` or `cloud`."
     frame = reader.value(f"{sensor_id}.frame", str, text, sensor_id)
-    defaults = {} if known is None else _fields(known.settings)
+    # A real device has noise: one that repeats itself is broken. Only a simulated one may be without.
+    defaults = {"never_repeats": True} if known is None else _fields(known.settings)
     settings = reader.settings(ScanSettings, sensor_id, **defaults)
     return ListenedSensor(PlanarSensor(sensor_id, Pose2D(x_y[0], x_y[1], heading), settings), frame)
+
+
+def read_seen_robots(
+    reader: ParameterReader, scene: Scene | None, sensors: Sequence[ListenedSensor]
+) -> list[RobotSpec]:
+    """Declare the parameters of the robots that floor-level sensors see.
+
+    Parameters
+    ----------
+    reader : ParameterReader
+    scene : Scene or None
+        Its robots, if a sensor sees them and unless the parameter `robots` names others.
+    sensors : sequence of ListenedSensor
+
+    Raises
+    ------
+    ParameterError
+        If a sensor sees robots and none is named, or the other way round, or a value is missing.
+    """
+    seeing = [one.sensor.id for one in sensors if one.sensor.settings.sees_robots]
+    known = {} if scene is None or not seeing else {robot.id: robot.spec for robot in scene.robots}
+    text = (
+        "Ids of the robots that sensors with `sees_robots` see, each with its own group of parameters as of the "
+        "planner node (radius, speed, max_turn_rate, can_turn_in_place); by default the scene's."
+    )
+    ids: tuple[str, ...] = reader.value("robots", tuple[str, ...], text, tuple(known))
+    if seeing and not ids:
+        reader.fail("robots", f"is empty, but sensor {seeing[0]} sees robots; list their ids")
+    if ids and not seeing:
+        reader.fail("robots", f"value {list(ids)}: no sensor sees robots; set <sensor>.sees_robots to true")
+    if len(set(ids)) != len(ids):
+        reader.fail("robots", f"value {list(ids)} names a robot twice; give different ids")
+    return [read_robot_spec(reader, robot_id, known.get(robot_id)) for robot_id in ids]
 
 
 def _fields(settings: ScanSettings) -> dict[str, object]:

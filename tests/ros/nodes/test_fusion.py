@@ -9,16 +9,28 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from nav_msgs.msg import OccupancyGrid
+from nav_msgs.msg import OccupancyGrid, Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan, PointCloud2
+from std_msgs.msg import Header
 from std_srvs.srv import SetBool, Trigger
+from visualization_msgs.msg import MarkerArray
 
 from snnav_core.sensing.scan import PlanarScan
-from snnav_ros.convert import area_from_message, scan_to_message, stamp_message
+from snnav_core.types import Pose2D
+from snnav_ros.convert import (
+    area_from_message,
+    lost_from_message,
+    nanoseconds_from_stamp,
+    nothing_to_message,
+    odometry_to_message,
+    scan_to_message,
+    stamp_message,
+)
+from snnav_ros.lockstep import DONE_TOPIC
 from snnav_ros.nodes.fusion import FusionNode
 from snnav_ros.parameters import ParameterError
-from snnav_ros.qos import LATCHED
+from snnav_ros.qos import LATCHED, LOCKSTEP
 
 SECOND = 10**9
 SITE = {
@@ -35,8 +47,9 @@ SITE = {
 }
 
 
-def scan(frame: str, stamp: int, length: float = 3.0, beams: int = 181) -> LaserScan:
-    values = PlanarScan(stamp / SECOND, np.full(beams, length), -np.pi / 2, np.pi / (beams - 1), 0.0, 8.0)
+def scan(frame: str, stamp: int, length: float = 3.0, beams: int = 181, noise: float = 1e-4) -> LaserScan:
+    ranges = length + noise * np.random.default_rng(stamp).uniform(size=beams)
+    values = PlanarScan(stamp / SECOND, ranges, -np.pi / 2, np.pi / (beams - 1), 0.0, 8.0)
     return scan_to_message(values, frame, stamp)
 
 
@@ -57,6 +70,10 @@ class Site:
         self.graph.until(lambda: self.node.get_clock().now().nanoseconds == stamp, "the clock")
 
     def send(self, publisher: Any, message: LaserScan) -> None:
+        """Let time go to the stamp of a scan and send it."""
+        stamp = nanoseconds_from_stamp(message.header.stamp)
+        if stamp > self.node.get_clock().now().nanoseconds:
+            self.at(stamp)
         count = sum(self.node._received.values()) + sum(self.node._rejected.values())
         publisher.publish(message)
         self.graph.until(
@@ -238,3 +255,224 @@ def test_without_sensors_or_scene_it_says_what_to_give(graph: Any) -> None:
         graph.add(FusionNode, sensors=["a"])
     with pytest.raises(ParameterError, match="boundary_speed: is not given"):
         graph.add(FusionNode, **{"sensors": ["a"], "a.position": [0.0, 0.0], "a.heading_deg": 0.0})
+
+
+def test_a_frozen_scanner_and_a_wrong_clock_are_told_in_words_and_their_parts_age(graph: Any) -> None:
+    site = Site(graph)
+    site.at(100)
+    site.send(site.north, scan("north", 200_000_000, noise=0.0))
+    site.send(site.south, scan("laser", 200_000_000))
+    assert not site.area(500_000_000).is_empty
+    site.send(site.north, scan("north", 900_000_000, noise=0.0))
+    site.south.publish(scan("laser", 2 * SECOND))  # ahead of the clock at its arrival, though not at the step
+    count = site.node._received["south"]
+    graph.until(lambda: site.node._received["south"] > count)
+    assert site.area(2 * SECOND).is_empty
+    assert "stamped 0.900 s is frozen" in site.status("sensor north").message
+    assert "2.000 s is 1.100 s ahead of the clock (0.900 s)" in site.status("sensor south").message
+    values = {one.key: one.value for one in site.status("sensor north").values}
+    assert values["rejected"] == "1"
+    site.send(site.north, scan("north", 2_100_000_000))
+    site.area(2_500_000_000)
+    assert site.status("sensor north").message == "ok"
+
+
+def test_a_device_without_noise_may_repeat_itself_where_the_parameter_says_so(graph: Any) -> None:
+    site = Site(graph, **{"north.never_repeats": False})
+    site.at(100)
+    for stamp in (200_000_000, 900_000_000):
+        site.send(site.north, scan("north", stamp, noise=0.0))
+        site.area(stamp + 300_000_000)
+    assert site.status("sensor north").message == "ok"
+
+
+def test_all_scans_since_the_last_step_are_taken_in_the_order_of_arrival(graph: Any) -> None:
+    site = Site(graph)
+    site.at(100)
+    for stamp in (200_000_000, 300_000_000, 250_000_000):
+        site.send(site.north, scan("north", stamp))
+    site.area(500_000_000)
+    assert "0.250 s is older than its last (0.300 s)" in site.status("sensor north").message
+    assert site.node._fusion.latest_stamp("north") == 0.3
+
+
+def test_what_silent_sensors_saw_comes_before_the_area_of_the_same_stamp(graph: Any) -> None:
+    order: list[tuple[str, int]] = []
+    lost = []
+
+    def note(kind: str, stamp: Any) -> None:
+        order.append((kind, nanoseconds_from_stamp(stamp)))
+
+    site = Site(graph)
+
+    def on_lost(message: MarkerArray) -> None:
+        lost.append(lost_from_message(message))
+        note("lost", message.markers[0].header.stamp)
+
+    graph.probe.create_subscription(MarkerArray, "unoccupied_area/lost", on_lost, LATCHED)
+    graph.probe.create_subscription(
+        PointCloud2, "unoccupied_area", lambda m: note("area", m.header.stamp), LATCHED
+    )
+    site.at(100)
+    site.send(site.north, scan("north", 200_000_000))
+    site.area(500_000_000)
+    site.send(site.south, scan("laser", 900_000_000))
+    site.area(1_500_000_000)
+    graph.until(lambda: len(order) >= 4)
+    assert set(order) == {
+        (kind, stamp) for kind in ("lost", "area") for stamp in (500_000_000, 1_500_000_000)
+    }
+    assert [part.sensor_id for part in lost[0][1]] == ["south"]
+    assert lost[0][1][0].stamp is None
+    (north,) = lost[1][1]
+    assert (north.sensor_id, north.stamp) == ("north", 0.2)
+    assert north.region.area == pytest.approx(np.pi / 2 * 9, rel=0.02)
+
+
+def test_who_saw_what_last_is_published_to_who_listens(graph: Any) -> None:
+    seen = graph.hear(PointCloud2, "unoccupied_area/seen", LATCHED)
+    site = Site(graph)
+    site.at(100)
+    site.send(site.north, scan("north", 200_000_000))
+    site.send(site.south, scan("laser", 300_000_000))
+    site.area(500_000_000)
+    graph.until(lambda: bool(seen))
+    values = np.frombuffer(
+        bytes(seen[0].data),
+        dtype=[("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("sensor", "<i4"), ("age", "<f4")],
+    )
+    north, south = values[values["sensor"] == 0], values[values["sensor"] == 1]
+    assert len(north) + len(south) == len(values)
+    assert north["y"].min() > 5.0 > south["y"].max()
+    np.testing.assert_allclose(north["age"], 0.3, rtol=1e-5)
+    np.testing.assert_allclose(south["age"], 0.2, rtol=1e-5)
+
+
+FLOOR = {
+    "north.sees_robots": True,
+    "robots": ["cart"],
+    "cart.radius": 0.3,
+    "cart.speed": 0.5,
+    "cart.max_turn_rate": 1.0,
+}
+
+
+def in_front_of_north(stamp: int, distance: float) -> LaserScan:
+    """A scan with something round of 0.3 m in front of the wall, `distance` from the scanner to its middle."""
+    message = scan("north", stamp)
+    bearing = np.linspace(-np.pi / 2, np.pi / 2, 181)
+    across = distance * np.sin(bearing)
+    hit = np.abs(across) < 0.3
+    ranges = np.array(message.ranges)
+    ranges[hit] = distance * np.cos(bearing[hit]) - np.sqrt(0.09 - across[hit] ** 2)
+    message.ranges = ranges.astype(np.float32).tolist()
+    return message
+
+
+def test_a_robot_that_a_floor_level_scanner_sees_is_no_obstacle_where_its_odometry_says(graph: Any) -> None:
+    site = Site(graph, **FLOOR)
+    odometry = graph.speak(Odometry, "cart/odom")
+    middle = np.array([[0.0, 7.0]])
+    site.at(100)
+    site.send(site.north, in_front_of_north(200_000_000, 2.0))
+    assert site.area(500_000_000).clearance(middle)[0] < 0.0
+    for stamp, at in ((SECOND, (0.0, 7.0)), (1_500_000_000, (3.0, 7.0))):
+        site.at(stamp - 200_000_000)
+        odometry.publish(odometry_to_message("cart", Pose2D(*at, 0.0), 0.0, 0.0, stamp - 200_000_000))
+        graph.until(lambda: bool(site.node._odometry["cart"]))
+        site.send(site.north, in_front_of_north(stamp - 100_000_000, 2.0))
+        free = site.area(stamp).clearance(middle)[0] > 0.25
+        assert free == (at[0] == 0.0), "a robot somewhere else is not what was seen"
+    odometry.publish(odometry_to_message("cart", Pose2D(0.0, 7.0, 0.0), 0.0, 0.0, 9 * SECOND))
+    graph.until(lambda: bool(site.node._odometry["cart"]))
+    site.area(2 * SECOND)
+    assert "ahead of the clock" in site.status("robot cart as seen").message
+
+
+def test_without_floor_level_scanners_no_odometry_is_heard(graph: Any) -> None:
+    Site(graph)
+    assert graph.probe.count_subscribers("cart/odom") == 0
+
+
+class Steps:
+    """A fusion node in lockstep, its ticks and data in the hands of the test."""
+
+    def __init__(self, graph: Any, **changes: Any) -> None:
+        self.graph = graph
+        self.areas = graph.hear(PointCloud2, "unoccupied_area", LOCKSTEP)
+        self.done = graph.hear(Header, DONE_TOPIC, LOCKSTEP)
+        self.node = graph.add(FusionNode, **{**SITE, "lockstep": True, "use_sim_time": False, **changes})
+        self.north = graph.speak(LaserScan, "sensors/north/scan", LOCKSTEP)
+        self.south = graph.speak(LaserScan, "sensors/south/scan", LOCKSTEP)
+        self.clock = graph.speak(Clock, "/clock", LOCKSTEP)
+
+    def tick(self, stamp: int) -> None:
+        self.clock.publish(Clock(clock=stamp_message(stamp)))
+
+    def is_done(self, stamp: int) -> bool:
+        return any(nanoseconds_from_stamp(one.stamp) == stamp for one in self.done)
+
+
+def test_in_lockstep_it_waits_for_the_word_that_nothing_more_comes(graph: Any) -> None:
+    steps = Steps(graph)
+    steps.tick(500_000_000)
+    steps.south.publish(scan("laser", 500_000_000))
+    for stamp in (200_000_000, 400_000_000):
+        steps.north.publish(scan("north", stamp))
+    graph.work(0.2)
+    assert not steps.areas
+    steps.north.publish(nothing_to_message("north", 500_000_000))
+    graph.until(lambda: steps.is_done(500_000_000))
+    graph.until(lambda: bool(steps.areas))
+    assert steps.node._fusion.latest_stamp("north") == 0.4
+    assert steps.node._rejected == {"north": 0, "south": 0}
+    steps.tick(SECOND)
+    steps.south.publish(scan("laser", SECOND))
+    steps.north.publish(scan("north", 1_500_000_000))  # from the future, whose tick would be the next
+    steps.north.publish(nothing_to_message("north", SECOND))
+    graph.until(lambda: steps.is_done(SECOND))
+    assert steps.node._rejected["north"] == 1
+    steps.tick(1_500_000_000)
+    steps.south.publish(scan("laser", 1_500_000_000))
+    graph.work(0.2)
+    assert not steps.is_done(1_500_000_000), "what came before does not stand for the next tick"
+    steps.north.publish(nothing_to_message("north", 1_500_000_000))
+    graph.until(lambda: steps.is_done(1_500_000_000))
+
+
+def test_in_lockstep_it_waits_for_the_odometry_of_robots_that_are_seen_also_after_a_reset(graph: Any) -> None:
+    steps = Steps(graph, **FLOOR)
+    odometry = graph.speak(Odometry, "cart/odom", LOCKSTEP)
+    for stamp in (500_000_000, SECOND, 500_000_000):  # at last time goes back
+        done = len(steps.done)
+        if stamp == 500_000_000:  # data may be here before their tick
+            odometry.publish(odometry_to_message("cart", Pose2D(0.0, 7.0, 0.0), 0.0, 0.0, stamp))
+            graph.until(lambda: bool(steps.node._odometry["cart"]))
+        steps.tick(stamp)
+        steps.south.publish(scan("laser", stamp))
+        steps.north.publish(in_front_of_north(stamp, 2.0))
+        if stamp == SECOND:
+            graph.work(0.2)
+            assert len(steps.done) == done
+            odometry.publish(odometry_to_message("cart", Pose2D(0.0, 7.0, 0.0), 0.0, 0.0, stamp))
+        graph.until(lambda done=done: len(steps.done) > done, f"the tick {stamp}")
+        graph.until(
+            lambda stamp=stamp: nanoseconds_from_stamp(steps.areas[-1].header.stamp) == stamp, "the area"
+        )
+        area = area_from_message(steps.areas[-1])
+        assert area.clearance(np.array([[0.0, 7.0]]))[0] > 0.35
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"robots": ["cart", "cart"]}, "names a robot twice"),
+        ({"robots": []}, "robots: is empty, but sensor north sees robots"),
+        ({"north.sees_robots": False}, "no sensor sees robots; set <sensor>.sees_robots"),
+        ({"cart.radius": 0.0}, "cart.radius: value 0.0 lies outside"),
+        ({"robot_tolerance": -1.0}, "robot_tolerance: value -1.0 lies outside"),
+    ],
+)
+def test_mistakes_about_robots_end_it_at_its_start(graph: Any, changes: dict[str, Any], text: str) -> None:
+    with pytest.raises(ParameterError, match=text):
+        graph.add(FusionNode, **{**SITE, **FLOOR, **changes})
