@@ -21,6 +21,8 @@ RANGES: dict[str, tuple[float, float]] = {
     "max_scan_age": _DURATION,
     "max_area_age": _DURATION,
     "max_odometry_age": _DURATION,
+    "command_timeout": (1e-3, 1.0),
+    "pairing_patience": _DURATION,
     "clock_tolerance": (0.0, 10.0),
     # speeds [m/s], [rad/s]
     "boundary_speed": (0.0, 50.0),
