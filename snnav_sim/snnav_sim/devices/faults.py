@@ -14,6 +14,7 @@ from snnav_sim.scene_types import Fault
 __all__ = ["Delivery", "FaultStages"]
 
 _FAULT_STREAM = 4  # after the streams of noise and drop-outs
+_JUST_AFTER = 1e-6  # [s]
 
 Draws = np.random.Generator
 
@@ -129,7 +130,8 @@ class _Reorder(_Stage):
 
     def spare(self, entry: Delivery) -> list[Delivery]:
         held, self._held = self._held, []
-        return [entry, *(replace(one, arrival=max(one.arrival, entry.arrival)) for one in held)]
+        free = entry.arrival + _JUST_AFTER
+        return [entry, *(replace(one, arrival=max(one.arrival, free)) for one in held)]
 
 
 class _Change(_Stage):

@@ -181,7 +181,7 @@ def test_reordered_scans_change_places_in_pairs() -> None:
     numbers = [round(stamp / PERIOD) for stamp in stamps]
     assert numbers[:6] == [1, 0, 3, 2, 5, 4]
     times = [time for time, _ in heard(feed(KINDS["reorder"]), step=PERIOD)]
-    assert times[:4] == [PERIOD, PERIOD, 3 * PERIOD, 3 * PERIOD]
+    assert times[:4] == [PERIOD, 2 * PERIOD, 3 * PERIOD, 4 * PERIOD], "just after the next one"
 
 
 @pytest.mark.parametrize(("kind", "reads"), [("nan", np.isnan), ("zero", lambda ranges: ranges == 0.0)])
