@@ -275,6 +275,9 @@ def test_external_base_is_driven_by_its_odometry(graph: Any) -> None:
         ({"tracker.law": "pid"}, "tracker.law: value 'pid' must be one of"),
         ({"tracker.saturation": 900.0}, "saturation .* too large for speed"),
         ({"start": [1.0, math.nan]}, "start: value"),
+        ({"command_timeout": 0.04}, "command_timeout: value 0.04 is below control_period 0.05"),
+        ({"pairing_patience": 1.5}, "pairing_patience: value 1.5 is above sampling_interval 1.0"),
+        ({"clock_tolerance": -0.1}, "clock_tolerance: value -0.1 lies outside"),
     ],
 )
 def test_mistakes_end_it_at_its_start(graph: Any, changes: dict[str, Any], text: str) -> None:

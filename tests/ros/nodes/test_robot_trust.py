@@ -1,0 +1,381 @@
+"""The robot node trusts nobody: altered messages, lost partners, clocks that are set, processes that sleep."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry, Path
+from rosgraph_msgs.msg import Clock
+
+from snnav_core.types import Certificate, PathSource, PlannedPath, Pose2D, TimedPath
+from snnav_ros.convert import (
+    nanoseconds,
+    nanoseconds_from_stamp,
+    odometry_to_message,
+    path_to_message,
+    stamp_message,
+    state_from_message,
+    verdict_to_message,
+)
+from snnav_ros.nodes.node_time import now_of
+from snnav_ros.nodes.robot import RobotNode
+
+TICK = 50_000_000
+CART = {"robot_id": "cart", "speed": 0.5, "max_turn_rate": 1.0, "start": [1.0, 2.0], "sampling_interval": 0.5}
+Change = Callable[[Path, DiagnosticStatus], None]
+
+
+def certified(start: float, window: float = 2.0, x: float = 1.0) -> tuple[Path, DiagnosticStatus]:
+    """Return a long straight path along y = 2 m, and its certificate."""
+    points = np.column_stack((np.arange(x, x + 20.0, 0.1), np.full(200, 2.0)))
+    path = TimedPath(start, 0.2, points)
+    held = Certificate("cart", True, start + window, 0.73125, 2.5, 1.4375, start, path.digest())
+    message = path_to_message(path)
+    plan = PlannedPath("cart", path, held, PathSource.TANGENT_GRAPH, 0.7)
+    return message, verdict_to_message(plan, nanoseconds(start), message)
+
+
+class Cart:
+    """A robot node by itself, whose odometry, commands and diagnostics are heard."""
+
+    def __init__(self, graph: Any, **changes: Any) -> None:
+        self.graph = graph
+        self.odometry = graph.hear(Odometry, "cart/odom")
+        self.commands = graph.hear(Twist, "cart/cmd_vel")
+        self.diagnostics = graph.hear(DiagnosticArray, "/diagnostics")
+        self.node = graph.add(RobotNode, **{**CART, **changes})
+        self.paths = graph.speak(Path, "cart/path", 1)
+        self.verdicts = graph.speak(DiagnosticStatus, "cart/certificate", 1)
+
+    def send(self, path: Path | None, certificate: DiagnosticStatus | None) -> None:
+        if path is not None:
+            self.paths.publish(path)
+        if certificate is not None:
+            self.verdicts.publish(certificate)
+
+    @property
+    def speed(self) -> float:
+        return float(self.commands[-1].linear.x)
+
+    @property
+    def x(self) -> float:
+        return float(state_from_message(self.odometry[-1], "cart").pose.x)
+
+    def said(self) -> list[str]:
+        """Return the messages of its status so far."""
+        return [one.message for array in self.diagnostics for one in array.status]
+
+
+class CartOfTicks(Cart):
+    """Its clock is in the hands of the test."""
+
+    def __init__(self, graph: Any, **changes: Any) -> None:
+        super().__init__(graph, use_sim_time=True, **changes)
+        self.clock = graph.speak(Clock, "/clock", 1)
+        self.tick = 0
+
+    @property
+    def now(self) -> float:
+        return self.tick * TICK / 1e9
+
+    def run(self, ticks: int = 1, stride: int = 1) -> None:
+        for _ in range(ticks):
+            self.tick += stride
+            count = len(self.commands)
+            self.clock.publish(Clock(clock=stamp_message(self.tick * TICK)))
+            self.graph.until(lambda count=count: len(self.commands) > count, "a command")
+
+    def drive(self) -> None:
+        """Send a good pair and see that it is followed."""
+        self.send(*certified(self.now))
+        stamp = nanoseconds(self.now)
+        self.graph.until(lambda: self.node._gate.complete(stamp), "path and certificate")
+        self.run(2)
+        assert self.speed == 0.5
+
+
+def value_of(certificate: DiagnosticStatus, key: str) -> Any:
+    return next(pair for pair in certificate.values if pair.key == key)
+
+
+def flip(number: float, bit: int) -> float:
+    return float((np.float64(number).view(np.uint64) ^ np.uint64(1 << bit)).view(np.float64))
+
+
+def on_path(change: Callable[[Path], None]) -> Change:
+    return lambda path, _: change(path)
+
+
+def on_position(path: Path) -> None:
+    path.poses[40].pose.position.x = flip(path.poses[40].pose.position.x, 0)
+
+
+def on_orientation(path: Path) -> None:
+    path.poses[40].pose.orientation.w = flip(path.poses[40].pose.orientation.w, 0)
+
+
+def on_pose_stamp(path: Path) -> None:
+    path.poses[-1].header.stamp.nanosec ^= 1
+
+
+def on_pose_frame(path: Path) -> None:
+    path.poses[-1].header.frame_id = "lap"
+
+
+def on_path_stamp(path: Path) -> None:
+    path.header.stamp.nanosec ^= 1
+
+
+def on_path_second(path: Path) -> None:
+    path.header.stamp.sec ^= 1 << 30
+
+
+def on_frame(path: Path) -> None:
+    path.header.frame_id = "lap"
+
+
+def on_digit(key: str) -> Change:
+    """Alter the lowest bit of the last letter of a value."""
+
+    def change(_: Path, certificate: DiagnosticStatus) -> None:
+        pair = value_of(certificate, key)
+        pair.value = pair.value[:-1] + chr(ord(pair.value[-1]) ^ 1)
+
+    return change
+
+
+def on_accepted(_: Path, certificate: DiagnosticStatus) -> None:
+    value_of(certificate, "accepted").value = "tsue"
+
+
+def on_level(_: Path, certificate: DiagnosticStatus) -> None:
+    certificate.level = b"\x10"
+
+
+CHANGES: dict[str, Change] = {
+    "position": on_path(on_position),
+    "orientation": on_path(on_orientation),
+    "stamp of a pose": on_path(on_pose_stamp),
+    "frame of a pose": on_path(on_pose_frame),
+    "nanosecond of the path": on_path(on_path_stamp),
+    "second of the path": on_path(on_path_second),
+    "frame": on_path(on_frame),
+    "valid_until": on_digit("valid_until"),
+    "least_clearance": on_digit("least_clearance"),
+    "stamp": on_digit("stamp"),
+    "path_digest": on_digit("path_digest"),
+    "robot_id": on_digit("robot_id"),
+    "seal": on_digit("seal"),
+    "accepted": on_accepted,
+    "level": on_level,
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_one_bit_over_the_wire_stops_until_a_good_pair_comes(
+    graph: Any, capfd: pytest.CaptureFixture[str], name: str
+) -> None:
+    cart = CartOfTicks(graph)
+    cart.run()
+    cart.drive()
+    path, certificate = certified(cart.now)
+    CHANGES[name](path, certificate)
+    cart.send(path, certificate)
+    graph.until(lambda: bool(cart.node._refusal), "a refusal")
+    cart.run()
+    assert cart.speed == 0.0
+    refusal = cart.node._refusal
+    assert f"robot cart stops: {refusal}" in capfd.readouterr().err
+    graph.until(lambda: refusal in cart.said(), "diagnostics")
+    cart.run(9)  # whatever else comes of it: it stands
+    assert cart.speed == 0.0
+    cart.drive()
+    cart.run(10)
+    graph.until(lambda: cart.said()[-1] == "ok", "diagnostics without a refusal")
+
+
+def test_every_kind_of_refusal_is_logged_once(graph: Any, capfd: pytest.CaptureFixture[str]) -> None:
+    cart = CartOfTicks(graph)
+    cart.run()
+    cart.drive()
+    for _ in range(3):
+        path, certificate = certified(cart.now)
+        on_digit("seal")(path, certificate)
+        cart.send(path, certificate)
+        stamp = nanoseconds(cart.now)
+        graph.until(lambda stamp=stamp: cart.node._gate.complete(stamp), "path and certificate")
+        cart.run(5)
+    assert cart.speed == 0.0
+    assert capfd.readouterr().err.count("stops: path and certificate stamped") == 1
+
+
+@pytest.mark.parametrize("path_comes", [True, False])
+def test_partner_that_does_not_come_stops(graph: Any, path_comes: bool) -> None:
+    cart = CartOfTicks(graph)  # half a sampling interval is 5 ticks
+    cart.run()
+    cart.drive()
+    path, certificate = certified(cart.now)
+    cart.send(path if path_comes else None, None if path_comes else certificate)
+    stamp = nanoseconds(cart.now)
+    gate = cart.node._gate
+    graph.until(lambda: stamp in (gate.path_stamp, gate.verdict_stamp), "the message")
+    cart.run(5)
+    assert cart.speed == 0.5
+    cart.run()
+    assert cart.speed == 0.0
+    assert "has waited 0.30 s for its" in cart.node._refusal
+    cart.drive()
+
+
+def test_window_that_ends_is_said(graph: Any, capfd: pytest.CaptureFixture[str]) -> None:
+    cart = CartOfTicks(graph)
+    cart.run()
+    cart.drive()
+    begin = cart.x
+    cart.run(60)
+    assert cart.speed == 0.0
+    assert cart.x - begin <= 0.5 * 2.0
+    assert capfd.readouterr().err.count("the certificate ended at 2.050 s and no newer path came") == 1
+    assert any("the certificate ended" in text for text in cart.said())
+    cart.drive()
+
+
+@pytest.mark.parametrize("sleep", [3, 30])
+def test_base_stops_by_itself_while_its_tracker_sleeps(graph: Any, sleep: int) -> None:
+    cart = CartOfTicks(graph)
+    cart.run()
+    cart.drive()
+    begin = cart.x
+    cart.run(1, stride=sleep)
+    assert cart.x - begin == pytest.approx(0.5 * 0.1)
+    assert cart.odometry[-1].twist.twist.linear.x == 0.0
+
+
+def test_base_ends_with_the_window_though_its_tracker_sleeps(graph: Any) -> None:
+    cart = CartOfTicks(graph)
+    cart.run()
+    cart.send(*certified(cart.now, window=0.5))
+    graph.until(lambda: cart.node._gate.complete(TICK))
+    cart.run(9)
+    assert cart.speed == 0.5  # the last command, given at 0.5 s: the window ends at 0.55 s
+    begin = cart.x
+    cart.run(1, stride=30)
+    assert cart.x - begin == pytest.approx(0.5 * 0.05)
+
+
+def test_external_base_gets_no_command_that_may_hold_beyond_the_window(graph: Any) -> None:
+    commands = graph.hear(Twist, "cart/cmd_vel")
+    graph.add(RobotNode, **CART, use_sim_time=True, base="external", command_timeout=0.2)
+    odometry, clock = graph.speak(Odometry, "cart/odom"), graph.speak(Clock, "/clock", 1)
+    paths = graph.speak(Path, "cart/path", 1)
+    verdicts = graph.speak(DiagnosticStatus, "cart/certificate", 1)
+    node, speeds = graph.nodes[-1], {}
+    for tick in range(1, 22):
+        odometry.publish(odometry_to_message("cart", Pose2D(1.0, 2.0, 0.0), 0.0, 0.0, tick * TICK))
+        graph.until(lambda tick=tick: node._pose is not None and node._pose[0] == tick * TICK)
+        if tick == 1:
+            clock.publish(Clock(clock=stamp_message(TICK)))
+            graph.until(lambda: now_of(node) == TICK)
+            path, certificate = certified(0.05, window=0.9)
+            paths.publish(path)
+            verdicts.publish(certificate)
+            graph.until(lambda: node._gate.complete(TICK))
+            continue
+        count = len(commands)
+        clock.publish(Clock(clock=stamp_message(tick * TICK)))
+        graph.until(lambda count=count: len(commands) > count)
+        speeds[tick] = commands[-1].linear.x
+    assert [tick for tick, speed in speeds.items() if speed] == list(range(2, 16))  # 0.75 s + 0.2 s = 0.95 s
+
+
+def test_external_odometry_from_the_future_stops(graph: Any) -> None:
+    commands = graph.hear(Twist, "cart/cmd_vel")
+    node = graph.add(RobotNode, **CART, use_sim_time=True, base="external")
+    odometry, clock = graph.speak(Odometry, "cart/odom"), graph.speak(Clock, "/clock", 1)
+    odometry.publish(odometry_to_message("cart", Pose2D(1.0, 2.0, 0.0), 0.0, 0.0, 9 * TICK))
+    graph.until(lambda: node._pose is not None)
+    clock.publish(Clock(clock=stamp_message(TICK)))
+    graph.until(lambda: bool(commands))
+    assert "odometry is stamped 0.40 s ahead" in node._trouble(now_of(node))
+
+
+class CartOfTheWall(Cart):
+    """Its clock is the one of the machine, which the test sets back or forth."""
+
+    def __init__(self, graph: Any, monkeypatch: pytest.MonkeyPatch, **changes: Any) -> None:
+        self.shift = 0
+        monkeypatch.setattr("snnav_ros.nodes.robot.now_of", lambda node: now_of(node) + self.shift)
+        super().__init__(graph, **changes)
+
+    @property
+    def now(self) -> float:
+        return (time.time_ns() + self.shift) / 1e9
+
+    def drive(self, window: float = 5.0) -> None:
+        self.send(*certified(self.now, window, self.x if self.odometry else 1.0))
+        self.graph.until(lambda: bool(self.commands) and self.speed == 0.5, "a moving robot")
+
+    def stands(self) -> bool:
+        return self.speed == 0.0
+
+
+@pytest.mark.parametrize("jump", [-3600.0, -0.5, 0.5, 3600.0])
+def test_clock_that_is_set_stops_until_a_path_of_its_new_time_comes(
+    graph: Any, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], jump: float
+) -> None:
+    cart = CartOfTheWall(graph, monkeypatch)
+    cart.drive()
+    where = cart.x
+    cart.shift += nanoseconds(jump)
+    graph.until(cart.stands, "a stop", longest=3.0)
+    assert f"stops: the clock jumped by {jump:+.1f}" in capfd.readouterr().err
+    graph.until(lambda: any("the clock jumped" in text for text in cart.said()), "diagnostics")
+    assert cart.x >= where  # the base is not put back to its start
+    cart.drive()
+
+
+def test_slow_correction_of_the_clock_does_not_stop(graph: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    cart = CartOfTheWall(graph, monkeypatch)
+    cart.drive()
+    for _ in range(5):
+        cart.shift -= nanoseconds(0.02)
+        count = len(cart.commands)
+        graph.until(lambda count=count: len(cart.commands) > count)
+        assert cart.speed == 0.5
+
+
+def test_window_ends_by_the_steady_clock_though_the_clock_is_held_back(
+    graph: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A clock that is corrected step by step, each too small to be seen as a jump, prolongs no window."""
+    cart = CartOfTheWall(graph, monkeypatch)
+    cart.drive(window=1.0)
+    begin = time.monotonic()
+    while not cart.stands():
+        assert time.monotonic() - begin < 3.0  # by the clock of ROS it would take 5 s
+        cart.shift -= nanoseconds(0.04)
+        count = len(cart.commands)
+        graph.until(lambda count=count: len(cart.commands) > count)
+    assert "the certificate ended" in cart.node._refusal
+    assert cart.node._valid_until > cart.now + 0.2  # by the clock of ROS it still held
+
+
+def test_window_of_the_wall_is_kept(graph: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    cart = CartOfTheWall(graph, monkeypatch)
+    cart.drive(window=0.6)
+    graph.until(cart.stands, "a stop", longest=2.0)
+    stamps = [
+        nanoseconds_from_stamp(message.header.stamp) / 1e9
+        for message in cart.odometry
+        if message.twist.twist.linear.x > 0.0
+    ]
+    assert max(stamps) <= cart.node._valid_until + 0.06  # odometry of a motion is stamped at its end
+    assert cart.x - 1.0 <= 0.5 * 0.6 + 1e-6
+    assert math.isfinite(cart.node._valid_until)
