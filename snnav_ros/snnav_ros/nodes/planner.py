@@ -11,8 +11,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path
 from sensor_msgs.msg import PointCloud2
+from visualization_msgs.msg import MarkerArray
 
-from snnav_core.area.planar import UnoccupiedArea
+from snnav_core.area.planar import LostPart, UnoccupiedArea
 from snnav_core.errors import InvalidInput
 from snnav_core.navigator.ground import GroundNavigator
 from snnav_core.navigator.settings import NavigatorSettings
@@ -21,6 +22,7 @@ from snnav_ros.convert import (
     MAP_FRAME,
     area_from_message,
     goal_from_message,
+    lost_from_message,
     nanoseconds,
     nanoseconds_from_stamp,
     path_to_message,
@@ -39,7 +41,7 @@ from snnav_sim.configure import navigator_settings
 
 __all__ = ["PlannerNode", "PlannerParameters"]
 
-_AREA = "unoccupied_area"
+_AREA, _LOST = "unoccupied_area", "unoccupied_area/lost"
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,8 @@ class PlannerNode(ManagedNode):
         self._enabled = dict.fromkeys(self.robots, True)
         self._area: UnoccupiedArea | None = None
         self._area_stamp = -1
+        self._lost: tuple[LostPart, ...] = ()
+        self._lost_stamp = -1
         self._states: dict[str, tuple[int, RobotState]] = {}
         self._problems: dict[str, str] = {}
         self._reasons: dict[str, StopReason | None] = {}
@@ -114,7 +118,9 @@ class PlannerNode(ManagedNode):
 
     def start(self) -> None:
         """Listen; in real time watch the age of the area."""
-        self.listen(PointCloud2, _AREA, self._on_area, for_mode(self.lockstep, LATCHED))
+        latched = for_mode(self.lockstep, LATCHED)
+        self.listen(MarkerArray, _LOST, self._on_lost, latched)
+        self.listen(PointCloud2, _AREA, self._on_area, latched)
         for name in self.robots:
             odometry = for_mode(self.lockstep, ODOMETRY_INPUT)
             self.listen(Odometry, f"{name}/odom", partial(self._on_odometry, name), odometry)
@@ -132,6 +138,7 @@ class PlannerNode(ManagedNode):
         self._navigator.reset()
         if not self.lockstep:  # in lockstep data of the new time may be here before their tick
             self._area, self._area_stamp = None, -1
+            self._lost, self._lost_stamp = (), -1
             self._states.clear()
 
     def _inputs(self) -> list[str]:
@@ -184,6 +191,16 @@ class PlannerNode(ManagedNode):
         elif not self._watch_area():
             self._step(stamp, area)
 
+    def _on_lost(self, message: MarkerArray) -> None:
+        """Take what silent sensors saw last: it explains refusals, and changes no path."""
+        try:
+            self._lost_stamp, self._lost = lost_from_message(message, _LOST)
+        except InvalidInput as error:
+            self._complain(_LOST, error)
+            return
+        self._problems.pop(_LOST, None)
+        self._step_when_complete()
+
     def _check_ahead(self, topic: str, stamp: int) -> None:
         """Refuse what is stamped in the future: later it would pass for fresh. In lockstep time waits for its data."""
         ahead = 0.0 if self.lockstep else seconds(stamp - now_of(self))
@@ -202,11 +219,16 @@ class PlannerNode(ManagedNode):
         self._step_when_complete()
 
     def _step_when_complete(self) -> None:
-        """In lockstep: go on once area and odometry of the present tick are there."""
+        """In lockstep: go on once area, lost parts and odometry of the present tick are there."""
         if self._participant is None or self._participant.due is None or self._area is None:
             return
         tick = self._participant.due
-        if self._area_stamp == tick and all(self._states.get(name, (-1,))[0] == tick for name in self.robots):
+        stamps = [
+            self._area_stamp,
+            self._lost_stamp,
+            *(self._states.get(name, (-1,))[0] for name in self.robots),
+        ]
+        if all(stamp == tick for stamp in stamps):
             self._step(tick, self._area)
             self._participant.done()
 
@@ -225,6 +247,8 @@ class PlannerNode(ManagedNode):
         begin = clock.perf_counter()
         states = {name: state for name, (_, state) in self._states.items()}
         goals = {name: goal for name, goal in self._goals.items() if self._enabled[name]}
+        if self._lost:
+            area = area.restamped(area.stamp, lost=self._lost)
         result = self._navigator.step(seconds(now), area, states, goals)
         duration = clock.perf_counter() - begin
         self._misses += duration > self.navigator_settings.sampling_interval

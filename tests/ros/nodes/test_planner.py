@@ -12,16 +12,19 @@ from nav_msgs.msg import Odometry, Path
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import SetBool, Trigger
+from visualization_msgs.msg import MarkerArray
 
-from snnav_core.area.planar import UnoccupiedArea
+from snnav_core.area.planar import LostPart, UnoccupiedArea
 from snnav_core.types import Pose2D, StopReason
 from snnav_ros.convert import (
     area_to_message,
+    lost_to_message,
     odometry_to_message,
     path_from_message,
     stamp_message,
     verdict_from_message,
 )
+from snnav_ros.convert.seal import seal_of
 from snnav_ros.nodes.planner import PlannerNode
 from snnav_ros.parameters import ParameterError
 from snnav_ros.qos import LATCHED
@@ -172,6 +175,90 @@ def test_without_a_new_area_all_robots_are_stopped(graph: Any) -> None:
     assert not message.poses
     assert verdict.stop.reason is StopReason.NO_AREA
     assert "s old; check the fusion node" in verdict.stop.message
+
+
+def test_area_that_comes_too_late_stops_all_robots(graph: Any) -> None:
+    site = Site(graph, max_area_age=2.0, **{"cart.target": [10.0, 3.0]})
+    site.stand(3 * SECOND, Pose2D(2.0, 3.0, 0.0))
+    site.at(3 * SECOND + SECOND // 10)
+    site.area.publish(area_to_message(UnoccupiedArea(1.0, HALL)))
+    message, verdict = site.answer(0)
+    assert not message.poses
+    assert verdict.stop.reason is StopReason.NO_AREA
+    assert "the unoccupied area is 2.1 s old" in verdict.stop.message
+    assert message.header.stamp == stamp_message(3 * SECOND + SECOND // 10)
+
+
+@pytest.mark.parametrize("what", ["area", "odometry"])
+def test_what_is_stamped_ahead_is_not_used(graph: Any, capfd: pytest.CaptureFixture[str], what: str) -> None:
+    site = Site(graph, **{"cart.target": [10.0, 3.0]})
+    site.stand(SECOND, Pose2D(2.0, 3.0, 0.0))
+    ahead = SECOND + SECOND // 10
+    if what == "area":
+        site.area.publish(area_to_message(UnoccupiedArea(ahead / SECOND, HALL)))
+    else:
+        site.odometry.publish(odometry_to_message("cart", Pose2D(3.0, 3.0, 0.0), 0.0, 0.0, ahead))
+    graph.until(lambda: bool(site.node._problems))
+    (problem,) = site.node._problems.values()
+    assert "stamped 0.100 s ahead of the planner's clock, more than clock_tolerance 0.05 s" in problem
+    assert problem in capfd.readouterr().err
+    assert not site.paths
+    message, _ = site.step(SECOND + SECOND // 5)
+    assert path_from_message(message).points[0] == pytest.approx([2.0, 3.0])
+
+
+def test_reason_of_a_stop_is_said_once_and_again_when_it_changes(
+    graph: Any, capfd: pytest.CaptureFixture[str]
+) -> None:
+    site = Site(graph, **{"cart.target": [10.0, 3.0]})
+    said = ""
+    for tick, x in enumerate([2.0, 2.0, -2.0, -2.0, 2.0, 9.99], start=1):
+        site.stand(tick * SECOND, Pose2D(x, 3.0, 0.0))
+        shut = shapely.MultiPolygon([shapely.box(0, 0, 5, 6), shapely.box(6, 0, 12, 6)])
+        _, verdict = site.step(tick * SECOND, shut if tick < 3 else HALL)
+        said += capfd.readouterr().err
+        if tick == 1:
+            assert f"cart stops (goal_unreachable): {verdict.stop.message}" in said
+            assert site.status("robot cart").message == verdict.stop.message
+    lines = [line for line in said.splitlines() if "robot cart " in line]
+    assert [line.partition("]")[0].strip("[") for line in lines] == ["WARN", "WARN", "INFO", "INFO"]
+    words = ["stops (goal_unreachable)", "stops (start_blocked)", "drives again", "stops (arrived)"]
+    assert all(word in line for word, line in zip(words, lines, strict=True))
+
+
+def test_silent_sensor_is_named_in_a_refusal(graph: Any) -> None:
+    site = Site(graph, **{"cart.target": [10.0, 3.0]})
+    lost = graph.speak(MarkerArray, "unoccupied_area/lost", LATCHED)
+    site.stand(2 * SECOND, Pose2D(2.0, 3.0, 0.0))
+    half = shapely.MultiPolygon([shapely.box(0, 0, 5, 6)])
+    part = LostPart("lms_east", 1.0, shapely.MultiPolygon([shapely.box(4.9, 0, 12, 6)]))
+    lost.publish(lost_to_message(UnoccupiedArea(2.0, half, lost=(part,))))
+    graph.until(lambda: bool(site.node._lost))
+    _, verdict = site.step(2 * SECOND, half)
+    assert "lms_east" in verdict.stop.message
+    assert "lms_east" in site.status("robot cart").message
+    lost.publish(lost_to_message(UnoccupiedArea(3.0, HALL)))
+    graph.until(lambda: not site.node._lost)
+    for second in (3, 4):  # a search is repeated every other step
+        site.stand(second * SECOND, Pose2D(2.0, 3.0, 0.0))
+        message, _ = site.step(second * SECOND)
+    assert message.poses
+
+
+def test_lost_parts_that_lie_are_not_used(graph: Any) -> None:
+    site = Site(graph)
+    graph.speak(MarkerArray, "unoccupied_area/lost", LATCHED).publish(MarkerArray())
+    graph.until(lambda: bool(site.node._problems))
+    assert "must delete all" in site.node._problems["unoccupied_area/lost"]
+
+
+def test_path_and_certificate_bear_one_seal_over_both(graph: Any) -> None:
+    site = Site(graph, **{"cart.target": [10.0, 3.0]})
+    site.stand(SECOND, Pose2D(2.0, 3.0, 0.0))
+    message, verdict = site.step(SECOND)
+    assert verdict.seal == seal_of(message, site.verdicts[-1])
+    stop, reason = site.step(2 * SECOND)  # its odometry is too old by now
+    assert reason.seal == seal_of(stop, site.verdicts[-1])
 
 
 def test_odometry_that_lies_is_not_used(graph: Any) -> None:
