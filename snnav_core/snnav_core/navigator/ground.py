@@ -14,6 +14,7 @@ from snnav_core.errors import InvalidInput
 from snnav_core.navigator.attempt import Attempt
 from snnav_core.navigator.context import AreaContext
 from snnav_core.navigator.explain import Explainer
+from snnav_core.navigator.prediction import predicted_pose
 from snnav_core.navigator.robot_planner import RobotMemory, plan_robot
 from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
 from snnav_core.planning.separation import OtherRobot, separation
@@ -92,7 +93,8 @@ class GroundNavigator:
         Deviations: the last path is adjusted again first and replaced only by one shorter by `switch_gain` (C3-26);
         when nothing verifies, the last path is followed while it verifies for at least one interval (C3-14); a robot
         that cannot leave along its heading turns on the spot. Others are moving disks along their own paths, each
-        planned around those before it (C3-2, C4-10).
+        planned around those before it (C3-2, C4-10). A state that is older than the decision is
+        carried on along the last path (C3-33).
         """
         if not math.isfinite(time):
             raise InvalidInput(f"time of the decision is {time}, must be finite; stop the robots")
@@ -180,11 +182,12 @@ class GroundNavigator:
         memory = self._memory.get(robot.id)
         if memory is None or memory.goal != goal:
             memory = RobotMemory(goal, np.array(goal, dtype=np.float64))
-        position, distances = state.pose.position, self._distances[robot.id]
+        pose = predicted_pose(robot, state, memory.plan, time)
+        position, distances = pose.position, self._distances[robot.id]
         attempt = Attempt(
             context,
             robot,
-            state.pose,
+            pose,
             memory.target,
             time,
             others,

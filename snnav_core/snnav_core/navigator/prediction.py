@@ -1,0 +1,69 @@
+"""Where a robot is at the instant of a decision, measured a little earlier (C3-33)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from snnav_core.types import FloatArray, PlannedPath, Pose2D, RobotSpec, RobotState, TimedPath
+
+__all__ = ["predicted_pose"]
+
+_NO_TIME = 1e-6  # [s]
+
+
+def predicted_pose(robot: RobotSpec, state: RobotState, plan: PlannedPath | None, time: float) -> Pose2D:
+    """Return the pose of a robot that has followed its last path since its state was measured.
+
+    Parameters
+    ----------
+    robot : RobotSpec
+    state : RobotState
+    plan : PlannedPath or None
+        What it follows; None for a robot that stands.
+    time : float
+        Of the decision [s].
+
+    Returns
+    -------
+    Pose2D
+        The measured pose [map], shifted by what the path goes on between the measurement and the decision, within the
+        validity of the path; a robot that turns in place has turned on.
+
+    Notes
+    -----
+    Deviation C3-33: odometry is a little older than the decision. In lockstep it is not, and nothing changes.
+    """
+    if plan is None or time - state.stamp <= _NO_TIME:
+        return state.pose
+    until = min(time, plan.certificate.valid_until)
+    since = max(state.stamp, plan.path.start_time)
+    if until <= since:
+        return state.pose
+    pose = state.pose
+    if plan.path.turn_to is not None:
+        left = math.remainder(plan.path.turn_to - pose.heading, 2.0 * math.pi)
+        reach = robot.max_turn_rate * (until - since)
+        return Pose2D(pose.x, pose.y, pose.heading + min(max(left, -reach), reach))
+    times = np.array([since, until])
+    there, ahead = plan.path.positions_at(times)[:, :2]
+    x, y = (pose.position + ahead - there).tolist()
+    before, after = _tangents(plan.path, times)
+    return Pose2D(x, y, pose.heading + after - before)
+
+
+def _tangents(path: TimedPath, times: FloatArray) -> FloatArray:
+    """Headings of a path at times (N,) [s], as if arcs led through its points, shape (N,) [rad, unwrapped]."""
+    links = np.diff(path.points[:, :2], axis=0)
+    if len(links) == 0:
+        return np.zeros(len(times))
+    chords = np.unwrap(np.arctan2(links[:, 1], links[:, 0]))
+    inner = 0.5 * (chords[:-1] + chords[1:])
+    first = 2.0 * chords[0] - inner[0] if len(inner) else chords[0]
+    last = 2.0 * chords[-1] - inner[-1] if len(inner) else chords[-1]
+    vertices = np.concatenate(([first], inner, [last]))
+    headings: FloatArray = np.interp(
+        (times - path.start_time) / path.step, np.arange(len(vertices)), vertices
+    )
+    return headings
