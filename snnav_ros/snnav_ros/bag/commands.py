@@ -1,15 +1,16 @@
-"""The subcommands of ``snnav`` that work on recordings: import-carmen, network, evaluate-logs."""
+"""The subcommands of ``snnav`` that work on recordings: import-carmen, network, evaluate-logs, replay."""
 
 from __future__ import annotations
 
 import argparse
 import math
+import re
 from collections.abc import Callable
 from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
 
-from snnav_ros.bag.settings import POSE_TOPIC, SCAN_TOPIC, EvaluationSettings, NetworkSettings
+from snnav_ros.bag.settings import POSE_TOPIC, SCAN_TOPIC, EvaluationSettings, NetworkSettings, ReplaySettings
 
 __all__ = ["add_parser"]
 
@@ -19,6 +20,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     _add_import(subparsers)
     _add_network(subparsers)
     _add_evaluation(subparsers)
+    _add_replay(subparsers)
 
 
 def _deferred(module: str) -> Callable[[argparse.Namespace], int]:
@@ -54,6 +56,23 @@ def _whole(least: int) -> Callable[[str], int]:
         return value
 
     parse.__name__ = "whole number"
+    return parse
+
+
+def _labelled(form: str) -> Callable[[str], tuple[str, tuple[float, ...]]]:
+    """Return an argparse type: numbers as in `form`, such as ``X,Y``, perhaps after ``ID=``."""
+    count = form.count(",") + 1
+
+    def parse(text: str) -> tuple[str, tuple[float, ...]]:
+        name, separator, rest = text.rpartition("=")
+        try:
+            values = tuple(float(part) for part in rest.split(","))
+        except ValueError:
+            values = ()
+        if len(values) != count or not all(map(math.isfinite, values)) or bool(separator) != bool(name):
+            raise argparse.ArgumentTypeError(f"{text!r} is not {form} or ID={form} with finite numbers")
+        return name.strip(), values
+
     return parse
 
 
@@ -127,3 +146,59 @@ def _add_evaluation(subparsers: argparse._SubParsersAction[argparse.ArgumentPars
     parser.add_argument("--out", metavar="DIR", type=Path, default=Path("runs/evaluate-logs"), help="results")
     parser.add_argument("--jobs", metavar="J", type=_whole(1), default=2, help="processes")
     parser.set_defaults(func=_deferred("run_evaluation"))
+
+
+def _add_replay(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    defaults = {field.name: field.default for field in fields(ReplaySettings)}
+    parser = subparsers.add_parser(
+        "replay",
+        help="drive simulated robots among recorded people",
+        description="Feed the scans of a recording at their own time to fusion and planner while simulated robots "
+        "drive among the people that were recorded, and measure how near these came. Exit status 1 when a robot drove "
+        "into a measured return.",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    parser._negative_number_matcher = re.compile(r"-[\d.]")  # type: ignore[attr-defined] # "-1,2" is no option
+    suppress = argparse.SUPPRESS
+    parser.add_argument("bag", metavar="BAG", type=Path, help="ROS 1 .bag, rosbag2 directory, .mcap or .db3")
+    parser.add_argument(
+        "--sensors",
+        metavar="FILE",
+        type=Path,
+        required=True,
+        default=suppress,
+        help="topics and poses, YAML or JSON",
+    )
+    for option, form, text in (
+        ("--robot", "X,Y,HEADING_DEG", "where a robot starts [m, degrees]; repeat for more"),
+        ("--goal", "X,Y", "where it shall go [m], in the order of the robots or by id"),
+    ):
+        parser.add_argument(
+            option,
+            metavar=f"[ID=]{form}",
+            type=_labelled(form),
+            action="append",
+            required=True,
+            default=suppress,
+            help=text,
+        )
+    parser.add_argument(
+        "--to-and-fro", action="store_true", help="turn back at the goal, until the recording ends"
+    )
+    for flag, name, text in (
+        ("--radius", "radius", "of the robots [m]"),
+        ("--speed", "speed", "of the robots [m/s]"),
+        ("--turn-rate", "max_turn_rate", "of the robots [rad/s]"),
+        ("--boundary-speed", "boundary_speed", "nobody is faster; robots must be [m/s]"),
+        ("--margin", "safety_margin", "from a robot's centre to what is not known to be free [m]"),
+        ("--interval", "sampling_interval", "between two decisions [s]"),
+    ):
+        parser.add_argument(flag, dest=name, type=_number(0.0, above=True), default=defaults[name], help=text)
+    parser.add_argument(
+        "--window", dest="time_window", type=_whole(1), default=defaults["time_window"], help="in intervals"
+    )
+    parser.add_argument("--start", type=_number(0.0), default=0.0, help="from the start of the recording [s]")
+    parser.add_argument("--duration", type=_number(0.0, above=True), help="so much of it [s] (default: all)")
+    parser.add_argument("--out", metavar="DIR", type=Path, help="run directory (default: runs/BAG-DATE-TIME)")
+    parser.add_argument("--no-figures", action="store_true", help="draw nothing")
+    parser.set_defaults(func=_deferred("run_replay"), control_period=defaults["control_period"])

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-__all__ = ["POSE_TOPIC", "SCAN_TOPIC", "EvaluationSettings", "NetworkSettings"]
+from snnav_core.errors import InvalidInput
+
+__all__ = ["POSE_TOPIC", "SCAN_TOPIC", "EvaluationSettings", "NetworkSettings", "ReplaySettings"]
 
 SCAN_TOPIC, POSE_TOPIC = "scan", "pose"
 
@@ -44,3 +46,51 @@ class EvaluationSettings:
     nodes: int = 40
     pairs: int = 10
     network: NetworkSettings = field(default_factory=NetworkSettings)
+
+
+@dataclass(frozen=True, slots=True)
+class ReplaySettings:
+    """How simulated robots drive among recorded people; lengths in m, times in s.
+
+    Parameters
+    ----------
+    boundary_speed : float
+        V_max: nobody is faster [m/s]; a robot must be.
+    safety_margin : float
+        From a robot's centre to whatever is not known to be free.
+    sampling_interval, control_period : float
+    time_window : int
+        In sampling intervals.
+    radius, speed, max_turn_rate : float
+        Of every robot.
+    to_and_fro : bool
+        Whether a robot that arrives turns back to where it started, until the recording is over.
+
+    Raises
+    ------
+    InvalidInput
+        If the sampling interval is no multiple of the control period.
+    """
+
+    boundary_speed: float = 1.2
+    safety_margin: float = 0.25
+    sampling_interval: float = 0.1
+    control_period: float = 0.05
+    time_window: int = 3
+    radius: float = 0.2
+    speed: float = 1.5
+    max_turn_rate: float = 3.0
+    to_and_fro: bool = False
+
+    def __post_init__(self) -> None:
+        ratio = self.sampling_interval / self.control_period
+        if ratio < 1.0 - 1e-9 or abs(ratio - round(ratio)) > 1e-6:
+            raise InvalidInput(
+                f"sampling interval {self.sampling_interval:g} s is no multiple of the control period "
+                f"{self.control_period:g} s; give one"
+            )
+
+    @property
+    def ticks_per_sample(self) -> int:
+        """Number of control periods in a sampling interval."""
+        return round(self.sampling_interval / self.control_period)
