@@ -54,7 +54,9 @@ class _Robot:
             linestyle=(0, (3, 2)),
             zorder=7,
         )
-        self.disk = CirclePatch(robot.start, robot.radius, facecolor=colour, edgecolor="none", zorder=8)
+        self.disk = CirclePatch(
+            robot.start, robot.radius, facecolor=colour, edgecolor="none", alpha=0.4, zorder=8
+        )
         self.arrow = Line2D([], [], color=colour, linestyle="none", markersize=size, zorder=9)
         self.arrow.set(markeredgecolor="white", markeredgewidth=0.6)
         for line in (self.ahead, self.driven, self.arrow):

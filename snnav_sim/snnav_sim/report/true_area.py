@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
-from snnav_core.area.planar import UnoccupiedArea, as_multipolygon
+from snnav_core.area.planar import UnoccupiedArea, as_multipolygon, grow
 from snnav_core.types import FloatArray
-from snnav_sim.scene_types import Point, SensorScene
+from snnav_sim.scene_types import Mover, Point, SensorScene
 from snnav_sim.visibility import ring_segments, visible_region
-from snnav_sim.world import World
+from snnav_sim.world import World, mover_positions, solid
 
 __all__ = ["TrueMemory"]
 
@@ -23,6 +23,7 @@ _QUARTER_SEGMENTS = 24  # chords of a quarter arc
 _OUTSIDE = 1.0 / math.cos(1.5 * math.pi / (4 * _QUARTER_SEGMENTS))
 _REACH = 1.0  # [m]; how far beyond the margin a distance between sampling instants is told exactly
 _TIME = 1e-6  # [s]
+_PLACES = 10  # of a body in a sampling interval, for what it sweeps
 
 
 class TrueMemory:
@@ -77,8 +78,8 @@ class TrueMemory:
             [m]
         exact : ndarray of bool, shape (N,)
             Where it is the distance itself. Elsewhere, between sampling instants, it is a lower bound: the distance
-            to M(t_k) less what a boundary moves since t_k. The least of all, and whatever is below the safety
-            margin, is exact.
+            to M(t_k) less what a boundary moves since t_k, or to what stays free up to t_{k+1} wherever the bodies
+            are on their way. The least of all, and whatever is below the safety margin, is exact.
         """
         delta, margin = self._scene.sampling_interval, self._scene.safety_margin
         numbers = (
@@ -92,12 +93,30 @@ class TrueMemory:
         clearance -= since * self._scene.boundary_speed
         exact = since <= _TIME
         least = max(margin, float(np.min(clearance[exact]))) if exact.any() else math.inf
+        for number in np.unique(numbers[~exact & (clearance < least)]):
+            rows = (numbers == number) & ~exact
+            lasting = UnoccupiedArea(0.0, self._lasting(int(number))).clearance(points[rows])
+            clearance[rows] = np.maximum(clearance[rows], lasting)
         for row in np.flatnonzero(~exact & (clearance < least)):
             limit = max(margin, float(clearance[row])) + _REACH
             near = self._near(points[row], float(times[row]), int(numbers[row]), limit)
             exact[row] = near < limit
             clearance[row] = max(clearance[row], near)
         return clearance, exact
+
+    def _lasting(self, number: int) -> MultiPolygon:
+        """Return what is free from a sampling instant to the next: seen past all that bodies sweep, or remembered."""
+        world, delta = self._world, self._scene.sampling_interval
+        swept = [_swept(mover, number * delta, delta) for mover in self._scene.movers]
+        blocked = shapely.union_all(swept)
+        segments = ring_segments(shapely.difference(world.static_region, blocked))
+        views = [
+            _view(sensor, 0.0, sensor.field_of_view, segments)
+            for sensor in self._scene.sensors
+            if not blocked.intersects(shapely.Point(sensor.position))
+        ]
+        kept = _eroded(self.region(number), delta * self._scene.boundary_speed)
+        return as_multipolygon(shapely.union_all([*views, kept]))
 
     def _near(self, point: FloatArray, time: float, number: int, limit: float) -> float:
         """Return the distance of a point (2,) to the boundary of the area at any time, at most the limit [m].
@@ -124,24 +143,42 @@ class TrueMemory:
 
 def _seen_near(sensor: SensorScene, centre: Point, radius: float, segments: FloatArray) -> BaseGeometry:
     """Return what a sensor sees through the bearings of a disk; beside the disk it may be anything."""
-    first, width = sensor.heading + sensor.angle_min, sensor.field_of_view
+    width = sensor.field_of_view
     dx, dy = centre[0] - sensor.position[0], centre[1] - sensor.position[1]
     distance = math.hypot(dx, dy)
     if distance - radius >= sensor.range_max:
         return shapely.Polygon()
     if distance <= 1.01 * radius:
-        return visible_region(sensor.position, first, width, sensor.range_max, segments)
+        return _view(sensor, 0.0, width, segments)
     half = math.asin(radius / distance) + 0.01
-    low = math.remainder(math.atan2(dy, dx) - half - first, 2.0 * math.pi)
+    low = math.remainder(math.atan2(dy, dx) - half - sensor.heading - sensor.angle_min, 2.0 * math.pi)
     if sensor.all_round:
-        return visible_region(sensor.position, first + low, 2.0 * half, sensor.range_max, segments)
+        return _view(sensor, low, low + 2.0 * half, segments)
     parts = []
     for turn in (0.0, 2.0 * math.pi):  # the disk may lie on both sides of a gap in the field of view
         begin, end = max(low + turn, 0.0), min(low + turn + 2.0 * half, width)
         if begin < end:
-            view = visible_region(sensor.position, first + begin, end - begin, sensor.range_max, segments)
-            parts.append(view)
+            parts.append(_view(sensor, begin, end, segments))
     return shapely.union_all(parts)
+
+
+def _view(sensor: SensorScene, begin: float, end: float, segments: FloatArray) -> BaseGeometry:
+    """Return what a sensor sees between two angles from its first beam [rad]."""
+    first = sensor.heading + sensor.angle_min + begin
+    return visible_region(sensor.position, first, end - begin, sensor.range_max, segments)
+
+
+def _swept(mover: Mover, begin: float, duration: float) -> BaseGeometry:
+    """Return a region that holds a body all the time."""
+    step = duration / _PLACES
+    places = mover_positions(mover, np.linspace(begin, begin + duration, _PLACES + 1))
+    corners = shapely.get_coordinates(solid(mover.shape))
+    outline = shapely.MultiPoint((places[:, None, :] + corners).reshape(-1, 2))
+    return (
+        grow(outline.convex_hull, 0.5 * step * mover.top_speed)
+        if mover.top_speed > 0.0
+        else outline.convex_hull
+    )
 
 
 def _eroded(region: BaseGeometry, distance: float) -> BaseGeometry:

@@ -41,6 +41,7 @@ class GroundTruth:
         self.world = World(scene)
         self._still = World(replace(scene, movers=()))
         self._reduced: dict[float, BaseGeometry] = {}
+        self._distances: dict[tuple[bytes, bytes], tuple[FloatArray, NDArray[np.bool_]]] = {}
 
     @cached_property
     def area(self) -> BaseGeometry:
@@ -100,7 +101,10 @@ class GroundTruth:
             the safety margin are.
         """
         if self.memory.moves:
-            return self.memory.clearance(points, times)
+            question = points.tobytes(), times.tobytes()
+            if question not in self._distances:
+                self._distances[question] = self.memory.clearance(points, times)
+            return self._distances[question]
         boundary = shapely.boundary(self._whole)
         shapely.prepare(self._whole)
         distance: FloatArray = shapely.distance(shapely.points(points), boundary)
