@@ -123,7 +123,8 @@ class ClearanceField:
 
     Notes
     -----
-    The sign at a vertex comes from the sum of the two unit normals there, which is exact for simple rings.
+    The sign at a vertex comes from the sum of the two unit normals there, which is exact for simple rings. Where
+    corners of several rings touch, as those of holes do at a scanner, it comes from all of their edges.
     """
 
     def __init__(self, rings: Sequence[FloatArray]) -> None:
@@ -136,6 +137,7 @@ class ClearanceField:
         self._ends = np.concatenate([piece[1] for piece in pieces])
         self._normals_start = np.concatenate([piece[2] for piece in pieces])
         self._normals_end = np.concatenate([piece[3] for piece in pieces])
+        _settle_touching(self._starts, self._ends, self._normals_start, self._normals_end)
         self._bins = SegmentBins.of(self._starts, self._ends, _BIN_SIZE)
 
     @property
@@ -197,3 +199,24 @@ def _ring_segments(ring: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
     normal = np.column_stack((-delta[:, 1], delta[:, 0])) / length
     normal_start = normal + np.roll(normal, 1, axis=0)
     return ring, following, normal_start, np.roll(normal_start, -1, axis=0)
+
+
+def _settle_touching(
+    starts: FloatArray, ends: FloatArray, normals_start: FloatArray, normals_end: FloatArray
+) -> None:
+    """Give corners that share a vertex one normal, in place.
+
+    A point nearest to the vertex lies opposite to all of its edges, so in one gap between them (if there is one of more
+    than half a turn, else no point is). The normal points into this gap if it is free, else away from it.
+    """
+    vertices, number, count = np.unique(starts @ (1.0, 1.0j), return_inverse=True, return_counts=True)
+    for vertex in np.flatnonzero(count > 1):
+        leaving = np.flatnonzero(number == vertex)
+        arriving = np.flatnonzero(ends @ (1.0, 1.0j) == vertices[vertex])
+        away = np.concatenate((ends[leaving] - starts[leaving], starts[arriving] - ends[arriving]))
+        away /= np.linalg.norm(away, axis=1, keepdims=True)
+        gap = -away.sum(axis=0)
+        turns = np.arctan2(gap[1], gap[0]) - np.arctan2(away[:, 1], away[:, 0])
+        first_clockwise = int(np.argmin(turns % (2.0 * math.pi)))
+        # The free side is on the left: behind an edge that leaves the vertex, before one that arrives there.
+        normals_start[leaving] = normals_end[arriving] = gap if first_clockwise < len(leaving) else -gap

@@ -165,3 +165,29 @@ def test_a_large_area_with_small_details_is_exact() -> None:
     points = np.random.default_rng(2).uniform(-2500.0, 2500.0, (300, 2))
     points[:150] = 5.0 + np.random.default_rng(3).uniform(-2.0, 2.0, (150, 2))
     np.testing.assert_allclose(field_of(region).query(points)[0], true_clearance(region, points), atol=1e-7)
+
+
+def sector(begin: float, end: float, radius: float) -> shapely.Polygon:
+    angle = np.linspace(begin, end, 20)
+    return shapely.Polygon(
+        [(1.0, 2.0), *np.column_stack((1.0 + radius * np.cos(angle), 2.0 + radius * np.sin(angle)))]
+    )
+
+
+@given(st.lists(st.integers(1, 40), min_size=3, max_size=12), st.integers(0, 359), st.booleans())
+def test_holes_and_sectors_that_meet_at_a_scanner_have_the_right_side(
+    widths: list[int], turned: int, holes: bool
+) -> None:
+    """Their corners touch in one vertex, and what lies behind it is as near to all of them."""
+    bounds = np.radians(turned + np.concatenate(([0], np.cumsum(widths))))
+    bounds = bounds[bounds <= bounds[0] + math.radians(175.0)]
+    pairs = list(zip(bounds[1::2], bounds[2::2], strict=False))
+    region = shapely.union_all([sector(*pair, 3.0) for pair in pairs])
+    if holes:
+        region = shapely.difference(sector(bounds[0], bounds[-1] + 0.01, 5.0), region)
+    behind = bounds[:, None] + np.radians(np.arange(60, 301, 5))
+    points = np.array([1.0, 2.0]) + 2.5 * np.stack((np.cos(behind), np.sin(behind)), axis=-1).reshape(-1, 2)
+    region = as_multipolygon(region)
+    np.testing.assert_allclose(
+        field_of(region).query(points)[0], true_clearance(region, points), rtol=0.0, atol=1e-9
+    )
