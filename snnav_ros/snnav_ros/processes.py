@@ -38,6 +38,7 @@ class ChildProcesses:
     def __init__(self, folder: Path, domain: int) -> None:
         self._folder, self._domain = folder, domain
         self._children: dict[str, subprocess.Popen[bytes]] = {}
+        self._plans: dict[str, tuple[str, dict[str, Any]]] = {}
 
     def __enter__(self) -> Self:
         return self
@@ -61,6 +62,7 @@ class ChildProcesses:
             Its executable as a module.
         parameters : mapping
         """
+        self._plans[name] = module, dict(parameters)
         file = self._folder / f"{name}.yaml"
         file.write_text(yaml.safe_dump({"/**": {"ros__parameters": dict(parameters)}}), encoding="utf-8")
         command = [
@@ -78,7 +80,7 @@ class ChildProcesses:
             "ROS_DOMAIN_ID": str(self._domain),
             PARENT_VARIABLE: str(os.getpid()),
         }
-        with self._log(name).open("wb") as log:
+        with self._log(name).open("ab") as log:
             self._children[name] = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
@@ -87,6 +89,21 @@ class ChildProcesses:
                 env=environment,
                 start_new_session=True,
             )
+
+    def kill(self, name: str, number: int = signal.SIGKILL) -> None:
+        """Send a signal to the process of a node; after SIGKILL it is gone, and no longer expected to run."""
+        child = self._children[name]
+        _signal(child, number)
+        if number == signal.SIGKILL:
+            child.wait()
+            del self._children[name]
+
+    def restart(self, name: str, **changes: Any) -> None:
+        """Start a node once more, with the parameters it had and these changes; one that still runs is killed."""
+        if name in self._children:
+            self.kill(name)
+        module, parameters = self._plans[name]
+        self.start(name, module, {**parameters, **changes})
 
     def ended(self) -> str:
         """Return which process has ended and what it said last, or an empty text."""
@@ -101,6 +118,7 @@ class ChildProcesses:
         """End all processes, by force if need be."""
         for child in self._children.values():
             _signal(child, signal.SIGTERM)
+            _signal(child, signal.SIGCONT)  # one that was stopped could not hear it
         deadline = time.monotonic() + _PATIENCE
         for child in self._children.values():
             try:

@@ -12,7 +12,7 @@ from rclpy.node import Node
 
 from snnav_ros.convert import seconds
 
-__all__ = ["ClockWatch", "is_simulated", "now_of", "steady_clock", "watch_time"]
+__all__ = ["ClockWatch", "has_time", "is_simulated", "now_of", "steady_clock", "watch_time"]
 
 _TOLERANCE = 0.1  # [s] that the clock of ROS may differ from the steady one from one look to the next
 _LOOK = 0.1  # [s] from one look to the next
@@ -31,6 +31,11 @@ def now_of(node: Node) -> int:
 def is_simulated(node: Node) -> bool:
     """Whether the time of a node comes from `/clock`."""
     return bool(node.get_parameter("use_sim_time").value)
+
+
+def has_time(node: Node) -> bool:
+    """Whether a node knows the time; one that lives by `/clock` has none before it hears the first tick."""
+    return not is_simulated(node) or now_of(node) > 0
 
 
 class ClockWatch:

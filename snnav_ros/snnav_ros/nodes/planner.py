@@ -33,7 +33,7 @@ from snnav_ros.convert import (
 )
 from snnav_ros.lockstep import Participant
 from snnav_ros.nodes.base import ManagedNode, NodeOptions, diagnostics, serve, status
-from snnav_ros.nodes.node_time import now_of, watch_time
+from snnav_ros.nodes.node_time import has_time, now_of, watch_time
 from snnav_ros.nodes.robots import read_robots
 from snnav_ros.qos import COMMAND, DIAGNOSTICS, LATCHED, ODOMETRY_INPUT, for_mode
 from snnav_ros.scenes import read_scene
@@ -164,6 +164,8 @@ class PlannerNode(ManagedNode):
     def _on_odometry(self, name: str, message: Odometry) -> None:
         topic = f"{name}/odom"
         self._waiting.heard(topic)
+        if not (self.lockstep or has_time(self)):
+            return
         frames = [frame.replace("{robot}", name) for frame in self.settings.odometry_frames]
         try:
             state = state_from_message(message, name, topic, frames)
@@ -177,6 +179,8 @@ class PlannerNode(ManagedNode):
 
     def _on_area(self, message: PointCloud2) -> None:
         self._waiting.heard(_AREA)
+        if not (self.lockstep or has_time(self)):
+            return
         stamp = nanoseconds_from_stamp(message.header.stamp)
         try:
             area = area_from_message(message, _AREA)

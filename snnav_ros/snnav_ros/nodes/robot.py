@@ -26,7 +26,7 @@ from snnav_ros.gate import Order, PathGate
 from snnav_ros.lockstep import Participant
 from snnav_ros.nodes.base import ManagedNode, NodeOptions, diagnostics, serve, status
 from snnav_ros.nodes.frames import FrameBroadcaster
-from snnav_ros.nodes.node_time import ClockWatch, is_simulated, now_of, watch_time
+from snnav_ros.nodes.node_time import ClockWatch, has_time, is_simulated, now_of, watch_time
 from snnav_ros.nodes.robot_parameters import RobotParameters, read_robot
 from snnav_ros.qos import COMMAND, DIAGNOSTICS, ODOMETRY, ODOMETRY_INPUT, for_mode
 from snnav_ros.scenes import read_scene
@@ -149,12 +149,14 @@ class RobotNode(ManagedNode):
     def _on_path(self, message: Path) -> None:
         self._waiting.heard(f"{self.spec.id}/path")
         self._check_clock()
-        self._obey(self._gate.offer_path(message, self._now()))
+        if self.lockstep or has_time(self):
+            self._obey(self._gate.offer_path(message, self._now()))
 
     def _on_verdict(self, message: DiagnosticStatus) -> None:
         self._waiting.heard(f"{self.spec.id}/certificate")
         self._check_clock()
-        self._obey(self._gate.offer_certificate(message, self._now()))
+        if self.lockstep or has_time(self):
+            self._obey(self._gate.offer_certificate(message, self._now()))
 
     def _on_odometry(self, message: Odometry) -> None:
         topic = f"{self.spec.id}/odom"
