@@ -207,6 +207,20 @@ def test_what_is_stamped_ahead_is_not_used(graph: Any, capfd: pytest.CaptureFixt
     assert path_from_message(message).points[0] == pytest.approx([2.0, 3.0])
 
 
+def test_planner_that_is_started_in_mid_run_waits_for_its_clock(
+    graph: Any, capfd: pytest.CaptureFixture[str]
+) -> None:
+    site = Site(graph, **{"cart.target": [10.0, 3.0]})
+    site.odometry.publish(odometry_to_message("cart", Pose2D(2.0, 3.0, 0.0), 0.0, 0.0, 30 * SECOND))
+    site.area.publish(area_to_message(UnoccupiedArea(30.0, HALL)))
+    graph.until(lambda: {"cart/odom", "unoccupied_area"} <= site.node._waiting._heard)
+    assert not site.paths
+    assert "message not used" not in capfd.readouterr().err
+    site.stand(31 * SECOND, Pose2D(2.0, 3.0, 0.0))
+    message, _ = site.step(31 * SECOND)
+    assert message.poses
+
+
 def test_reason_of_a_stop_is_said_once_and_again_when_it_changes(
     graph: Any, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -280,6 +294,7 @@ def test_frames_that_coincide_with_the_map_are_a_parameter(graph: Any) -> None:
 
 def test_area_that_lies_is_not_used(graph: Any) -> None:
     site = Site(graph)
+    site.at(SECOND)
     message = area_to_message(UnoccupiedArea(1.0, HALL))
     message.header.frame_id = "odom"
     site.area.publish(message)

@@ -201,6 +201,20 @@ def test_one_bit_over_the_wire_stops_until_a_good_pair_comes(
     graph.until(lambda: cart.said()[-1] == "ok", "diagnostics without a refusal")
 
 
+def test_robot_that_is_started_in_mid_run_waits_for_its_clock(
+    graph: Any, capfd: pytest.CaptureFixture[str]
+) -> None:
+    cart = CartOfTicks(graph)
+    cart.send(*certified(30.0))
+    topics = {"cart/path", "cart/certificate"}
+    graph.until(lambda: topics <= cart.node._waiting._heard)
+    assert "stops" not in capfd.readouterr().err
+    cart.tick = 619
+    cart.run()
+    assert cart.speed == 0.0
+    cart.drive()
+
+
 def test_every_kind_of_refusal_is_logged_once(graph: Any, capfd: pytest.CaptureFixture[str]) -> None:
     cart = CartOfTicks(graph)
     cart.run()
