@@ -1,4 +1,4 @@
-"""What all nodes share: how they are made, states, time, services, diagnostics."""
+"""What all nodes share: how they are made, states, services, diagnostics."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from snnav_ros.convert.frames import header
 from snnav_ros.lockstep import Participant
-from snnav_ros.nodes.node_time import is_simulated, now_of, steady_clock, watch_time
+from snnav_ros.nodes.node_time import is_simulated, steady_clock
 from snnav_ros.parameters import ParameterReader
 from snnav_ros.waiting import WaitingReport
 
@@ -25,10 +25,8 @@ __all__ = [
     "ManagedNode",
     "NodeOptions",
     "diagnostics",
-    "now_of",
     "serve",
     "status",
-    "watch_time",
 ]
 
 LOCKSTEP_TEXT = "Simulated time goes on only when all nodes have consumed the data of a tick."

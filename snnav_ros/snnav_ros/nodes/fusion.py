@@ -33,7 +33,8 @@ from snnav_ros.convert import (
     state_from_message,
 )
 from snnav_ros.lockstep import Participant
-from snnav_ros.nodes.base import ManagedNode, NodeOptions, diagnostics, now_of, serve, status, watch_time
+from snnav_ros.nodes.base import ManagedNode, NodeOptions, diagnostics, serve, status
+from snnav_ros.nodes.node_time import now_of, watch_time
 from snnav_ros.nodes.sensors import read_seen_robots, read_sensors
 from snnav_ros.qos import DIAGNOSTICS, LATCHED, ODOMETRY_INPUT, SENSOR, for_mode
 from snnav_ros.scenes import read_scene
