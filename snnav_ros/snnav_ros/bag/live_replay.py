@@ -177,7 +177,7 @@ class LiveReplay:
             found = scans[self._next_scan]
             self._next_scan += 1
             try:
-                self._fusion.add_scan(found.sensor_id, found.scan)
+                self._fusion.add_scan(found.sensor_id, found.scan, found.arrival)
             except InvalidInput as error:
                 self.record.refused.setdefault(found.sensor_id, []).append(str(error))
 
