@@ -290,14 +290,14 @@ def set_back_the_clock(site: Site) -> None:
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("kind", KINDS)
 def test_series_of_kills(
-    tmp_path: FilePath, ros_domain: int, kind: str, capsys: pytest.CaptureFixture[str]
+    tmp_path: FilePath, ros_domain: int, kind: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     with site(tmp_path, ros_domain) as here:
         stops = [kill_and_restart(here, kind) for _ in range(20)]
         here.judge()
     times = np.array([[stop.to_standstill, stop.promised] for stop in stops])
     p50, p99 = np.percentile(times, [50, 99], axis=0)
-    with capsys.disabled():
+    with capfd.disabled():
         print(
             f"\n{kind}: {len(stops)} kills, to standstill p50 {p50[0]:.2f} p99 {p99[0]:.2f} s, promised p50 "
             f"{p50[1]:.2f} least {times[:, 1].min():.2f} s, least left {(times[:, 1] - times[:, 0]).min():.2f} s"
