@@ -71,11 +71,10 @@ def make_robots(
     InvalidInput
         If an id is given twice, or robots and goals do not match.
     """
+    if len(goals) > len(starts):
+        raise InvalidInput(f"{len(goals)} goals for {len(starts)} robots; give every goal a --robot")
     names = [name or f"robot_{index}" for index, (name, _) in enumerate(starts, start=1)]
-    targets = [
-        name or (names[index] if index < len(names) else f"number {index + 1}")
-        for index, (name, _) in enumerate(goals)
-    ]
+    targets = [name or robot for (name, _), robot in zip(goals, names, strict=False)]
     for option, given in (("--robot", names), ("--goal", targets)):
         twice = [name for name in given if given.count(name) > 1]
         if twice:
@@ -83,9 +82,6 @@ def make_robots(
     for name in names:
         if name not in targets:
             raise InvalidInput(f"robot {name!r} has no goal; add --goal {name}=X,Y")
-    for name in targets:
-        if name not in names:
-            raise InvalidInput(f"goal {name!r} belongs to no robot; add --robot {name}=X,Y,HEADING_DEG")
     found = []
     for name, (_, (x, y, degrees)) in zip(names, starts, strict=True):
         goal_x, goal_y = goals[targets.index(name)][1]

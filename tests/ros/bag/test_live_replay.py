@@ -49,8 +49,10 @@ obstacles: []
 movers:
   - {id: walker, circle: [0, 0, 0.2], waypoints: [[4, 0.8], [4, 4.2]], speed: 0.8, loop: true}
 sensors:
-  - {id: west, device: lms200, position: [0.1, 0.1], heading_deg: 45, field_of_view_deg: 100, resolution_deg: 1.0, range_max: 12.0, noise: none}
-  - {id: east, device: lms200, position: [7.9, 4.9], heading_deg: 225, field_of_view_deg: 100, resolution_deg: 1.0, range_max: 12.0, noise: none}
+  - {id: west, device: lms200, position: [0.1, 0.1], heading_deg: 45,
+     field_of_view_deg: 100, resolution_deg: 1.0, range_max: 12.0, noise: none}
+  - {id: east, device: lms200, position: [7.9, 4.9], heading_deg: 225,
+     field_of_view_deg: 100, resolution_deg: 1.0, range_max: 12.0, noise: none}
 robots: []
 """
 
@@ -259,7 +261,9 @@ def test_a_scanner_upside_down_sees_the_same(hall: Path, tmp_path: Path) -> None
     content["sensors"]["west"]["roll"] = math.pi
     sensors = write_sensors(tmp_path / "sensors.json", content)
     bag = record_hall(tmp_path / "bag", 3.0, upside_down)
-    turned = LiveReplay(read_sensors(sensors), read_recording(bag, read_sensors(sensors)), [], ReplaySettings())
+    turned = LiveReplay(
+        read_sensors(sensors), read_recording(bag, read_sensors(sensors)), [], ReplaySettings()
+    )
     plain_sensors = read_sensors(hall / "sensors.json")
     recording = read_recording(hall / "bag", plain_sensors, duration=3.0)
     plain = LiveReplay(plain_sensors, recording, [], ReplaySettings())
@@ -343,7 +347,9 @@ def test_it_runs_where_ros_is_not_installed(hall: Path, tmp_path: Path) -> None:
     arguments = ["replay", hall / "bag", "--sensors", hall / "sensors.json", "--robot", START, "--goal", GOAL]
     arguments += [*SLOW, "--duration", "1", "--no-figures", "--out", tmp_path / "out"]
     command = [sys.executable, "-c", code, *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120, env=dict(os.environ))
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, timeout=120, env=dict(os.environ)
+    )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "metrics.json").is_file()
 
