@@ -69,6 +69,9 @@ class PlannerNode(ManagedNode):
     """Hears the area, odometry and goals; publishes `<robot>/path` and `<robot>/certificate`.
 
     One step for every unoccupied area that comes. When none comes for `max_area_age`, all robots are stopped.
+
+    The time of a step is the stamp of the area or, in real time, that of the newest odometry if this is later: what
+    the boundary may have moved in between is then taken off the area.
     """
 
     def __init__(self, options: NodeOptions | None = None) -> None:
@@ -102,7 +105,7 @@ class PlannerNode(ManagedNode):
         self._area: UnoccupiedArea | None = None
         self._area_stamp = -1
         self._lost: tuple[LostPart, ...] = ()
-        self._lost_stamp = -1
+        self._lost_stamp = self._decided = -1
         self._states: dict[str, tuple[int, RobotState]] = {}
         self._problems: dict[str, str] = {}
         self._reasons: dict[str, StopReason | None] = {}
@@ -139,6 +142,7 @@ class PlannerNode(ManagedNode):
         if not self.lockstep:  # in lockstep data of the new time may be here before their tick
             self._area, self._area_stamp = None, -1
             self._lost, self._lost_stamp = (), -1
+            self._decided = -1
             self._states.clear()
 
     def _inputs(self) -> list[str]:
@@ -193,7 +197,10 @@ class PlannerNode(ManagedNode):
         if self._participant is not None:
             self._step_when_complete()
         elif not self._watch_area():
-            self._step(stamp, area)
+            # Whoever was measured after the area held passes the points of its path later by as much.
+            newest = max([stamp, *(when for when, _ in self._states.values())])
+            if newest > self._decided:
+                self._step(newest, area)
 
     def _on_lost(self, message: MarkerArray) -> None:
         """Take what silent sensors saw last: it explains refusals, and changes no path."""
@@ -259,6 +266,7 @@ class PlannerNode(ManagedNode):
         self._publish(now, result, duration)
 
     def _publish(self, now: int, result: StepResult, duration: float) -> None:
+        self._decided = now
         statuses = []
         for name, decision in result.decisions.items():
             path = stop_to_path(now) if isinstance(decision, Stop) else path_to_message(decision.path)

@@ -117,7 +117,7 @@ def test_area_odometry_and_goal_give_a_certified_path(graph: Any) -> None:
     assert clearance >= 0.5
     values = {pair.key: pair.value for pair in site.status("planner").values}
     assert float(values["step_ms"]) > 0.0
-    assert values["deadline_misses"] == "0"
+    assert values["deadline_misses"] == ("1" if float(values["step_ms"]) > 1000.0 else "0")
 
 
 @pytest.mark.parametrize(
@@ -187,6 +187,20 @@ def test_area_that_comes_too_late_stops_all_robots(graph: Any) -> None:
     assert verdict.stop.reason is StopReason.NO_AREA
     assert "the unoccupied area is 2.1 s old" in verdict.stop.message
     assert message.header.stamp == stamp_message(3 * SECOND + SECOND // 10)
+
+
+def test_area_that_comes_late_is_shrunk_to_the_time_of_the_odometry(graph: Any) -> None:
+    site = Site(graph, boundary_speed=0.2, **{"cart.target": [10.0, 3.0]})
+    site.stand(SECOND * 3 // 2, Pose2D(2.0, 3.0, 0.0))
+    site.area.publish(area_to_message(UnoccupiedArea(1.0, HALL)))
+    message, verdict = site.answer(0)
+    assert message.header.stamp == stamp_message(SECOND * 3 // 2)
+    assert verdict.certificate.area_stamp == 1.0
+    ends = shapely.Point(path_from_message(message).points[0]).distance(HALL.boundary)
+    assert verdict.certificate.least_clearance <= ends - 0.5 * 0.2
+    site.area.publish(area_to_message(UnoccupiedArea(1.2, HALL)))  # nothing newer is known of the robot
+    graph.until(lambda: site.node._area_stamp == SECOND * 6 // 5)
+    assert len(site.paths) == 1
 
 
 @pytest.mark.parametrize("what", ["area", "odometry"])
