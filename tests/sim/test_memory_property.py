@@ -28,7 +28,9 @@ from snnav_core.types import FloatArray, Pose2D
 ROOM = (10.0, 7.0)
 STEPS = 6  # areas of one run
 FINER = 3  # true beams between two beams of a scanner
-GAPS = 1.5  # what lies between two beams is uncertain by so many gaps
+GAPS = (
+    0.5  # what lies between two beams is uncertain by so many gaps (0.05 measured for walkers, 0 for walls)
+)
 CELL = 0.12  # [m] of the swarm
 DIRECTIONS = np.column_stack(
     (np.cos(turn := np.linspace(0.0, 2.0 * math.pi, 12, endpoint=False)), np.sin(turn))
@@ -134,7 +136,7 @@ def random_site(seed: int, boundary_speed: float, interval: float, clock_toleran
     ]
     scanners = [
         _random_scanner(generator, index, boxes, interval, clock_tolerance)
-        for index in range(generator.integers(1, 4))
+        for index in range(generator.integers(2, 4))
     ]
     return Site(boundary_speed, interval, clock_tolerance, boxes, walkers, scanners, segments)
 
@@ -160,8 +162,8 @@ def _random_scanner(
         period=interval * generator.choice((0.4, 1.0, 1.7)),
         offset=interval * generator.choice((0.0, generator.uniform(0.0, 1.0))),
         silent=(begin, begin + interval * generator.uniform(0.0, 3.0)),
-        delays=interval * generator.choice((0.0, 0.3, 1.5)) * generator.uniform(size=4 * STEPS),
-        clock_error=generator.choice((0.0, generator.uniform(-0.2, tolerance))),
+        delays=interval * generator.choice((0.0, 0.6, 1.2)) * generator.uniform(size=4 * STEPS),
+        clock_error=generator.choice((0.0, tolerance, generator.uniform(-0.3, tolerance))),
     )
 
 
@@ -194,7 +196,7 @@ class Swarm:
         self.places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
     def move(self, time: float, area: UnoccupiedArea, shown: shapely.Polygon | None = None) -> None:
-        """Let them go on until `time`, into the last area above all; who touches what is shown then is no more."""
+        """Let them go on until `time`, into the next area above all; who touches what is shown then is no more."""
         step, self._time = self._speed * (time - self._time), time
         if step > 0.0:
             eager = self.places[area.clearance(self.places) > -step - 0.3]
@@ -242,19 +244,19 @@ def areas(site: Site) -> Iterator[tuple[float, UnoccupiedArea, list[Measurement]
 
 @given(
     st.integers(0, 2**32 - 1),
-    st.sampled_from((0.0, 0.3, 0.8)),
+    st.sampled_from((0.0, 0.4, 1.0)),
     st.sampled_from((0.2, 0.5, 1.0)),
-    st.sampled_from((0.0, 0.1)),
+    st.sampled_from((0.0, 0.3)),
 )
 def test_the_area_holds_nothing_that_a_body_could_have_reached_unseen(
     seed: int, boundary_speed: float, interval: float, clock_tolerance: float
 ) -> None:
     site = random_site(seed, boundary_speed, interval, clock_tolerance)
     uncertain = max(GAPS * scanner.range_max * scanner.increment for scanner in site.scanners)
-    swarm, before = Swarm(site), UnoccupiedArea(0.0, shapely.MultiPolygon())
+    swarm = Swarm(site)
     for time, area, made in areas(site):
         for one in made:
-            swarm.move(one.time, before, site.shown(one.scanner, one.time, uncertain))
+            swarm.move(one.time, area, site.shown(one.scanner, one.time, uncertain))
         swarm.move(time, area)
         assert area.clearance(swarm.places).max(initial=-1.0) <= 1e-6, f"reached unseen at {time} s"
         for walker in site.walkers:
@@ -264,4 +266,3 @@ def test_the_area_holds_nothing_that_a_body_could_have_reached_unseen(
             assert shapely.intersection(area.region, box.buffer(-uncertain)).area < 1e-9
         outside = shapely.difference(area.region, shapely.box(0.0, 0.0, *ROOM).buffer(uncertain))
         assert outside.area < 1e-9
-        before = area
