@@ -41,11 +41,10 @@ def draw_replay(
 ) -> None:
     """Draw ``replay.png`` and ``clearance.png`` into a directory."""
     positions = np.array([entry.sensor.pose.position for entry in sensors])
-    trip = _telling_trip(record, robots[0], verdicts[robots[0].spec.id])
-    moments = [
-        _moment(time, trip[0], sensors, robots, record, returns)
-        for time in _telling_times(record, robots[0], trip)
-    ]
+    first = verdicts[robots[0].spec.id]
+    trip = _telling_trip(record, robots[0], first)
+    times = _telling_times(record, robots[0], first, trip)
+    moments = [_moment(time, trip[0], robots, record, returns) for time in times]
     draw_moments(title, positions, moments, directory / "replay.png")
     distances = [
         Distances(name, verdict.times, verdict.distances, verdict.person_distances, _standing(record, name))
@@ -66,21 +65,31 @@ def _telling_trip(record: ReplayRecord, robot: ReplayRobot, verdict: Verdict) ->
     return begin, min((time for time in arrivals if time > nearest), default=float(rows[-1, 0]))
 
 
-def _telling_times(record: ReplayRecord, robot: ReplayRobot, trip: tuple[float, float]) -> list[float]:
-    """Return the times [s] at which the robot has driven 1/8, 3/8, 5/8, 7/8 of a trip; evenly spread if it stood."""
+def _telling_times(
+    record: ReplayRecord, robot: ReplayRobot, verdict: Verdict, trip: tuple[float, float]
+) -> list[float]:
+    """Return the times [s] at which the robot has driven 1/8, 3/8, 5/8, 7/8 of a trip; evenly spread if it stood.
+
+    One of them gives way to the time at which people were nearest.
+    """
     rows = record.run.trajectory(robot.spec.id)
-    rows = rows[(rows[:, 0] >= trip[0]) & (rows[:, 0] <= trip[1])]
+    within = (rows[:, 0] >= trip[0]) & (rows[:, 0] <= trip[1])
+    rows, people = rows[within], verdict.person_distances[within]
     shares = (np.arange(_PANELS) + 0.5) / _PANELS
     driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(rows[:, 1:3], axis=0).T))])
     if driven[-1] < 2.0 * robot.spec.radius:
-        return [float(time) for time in trip[0] + shares * (trip[1] - trip[0])]
-    return [float(rows[int(np.searchsorted(driven, share * driven[-1])), 0]) for share in shares]
+        times = trip[0] + shares * (trip[1] - trip[0])
+    else:
+        times = rows[np.searchsorted(driven, shares * driven[-1]), 0]
+    if np.isfinite(people).any():
+        nearest = rows[int(np.argmin(people)), 0]
+        times[int(np.argmin(np.abs(times - nearest)))] = nearest
+    return [float(time) for time in np.sort(times)]
 
 
 def _moment(
     time: float,
     begin: float,
-    sensors: Sequence[TopicSensor],
     robots: Sequence[ReplayRobot],
     record: ReplayRecord,
     returns: Sequence[Returns],
