@@ -9,6 +9,8 @@ from snnav_core.types import FloatArray
 
 __all__ = ["thin_ring"]
 
+_ONE_LINE = 1e-9  # sine of an angle
+
 
 def thin_ring(ring: FloatArray, tolerance: float) -> FloatArray:
     """Leave out points of a ring that a chord replaces from inside.
@@ -28,17 +30,33 @@ def thin_ring(ring: FloatArray, tolerance: float) -> FloatArray:
     """
     if tolerance <= 0.0 or len(ring) < 4:
         return ring
-    kept: FloatArray = ring[_chosen(np.ascontiguousarray(ring), tolerance)]
+    ring = np.ascontiguousarray(ring)
+    kept: FloatArray = ring[_chosen(ring, tolerance, 0)]
+    if len(kept) >= 3 and _turns_back(kept):
+        kept = ring[_chosen(ring, tolerance, 1)]
     return kept if len(kept) >= 3 else ring
 
 
+def _turns_back(ring: FloatArray) -> bool:
+    """Whether the outline goes out from its first point and back on the same line: from a sensor along one beam.
+
+    That is what is left of a wedge thinner than the tolerance, and no polygon.
+    """
+    (out_x, out_y), (on_x, on_y) = np.diff(ring[:3], axis=0).tolist()
+    across, along = out_x * on_y - out_y * on_x, out_x * on_x + out_y * on_y
+    return bool(along < 0.0 and abs(across) < _ONE_LINE * -along)
+
+
 @numba.njit(cache=True)
-def _chosen(ring, tolerance):  # type: ignore[no-untyped-def]
-    """Greedy: from every chosen point the longest chord that no point left out lies inside of, or too far outside."""
+def _chosen(ring, tolerance, first):  # type: ignore[no-untyped-def]
+    """Greedy: from every chosen point the longest chord that no point left out lies inside of, or too far outside.
+
+    No point up to the one numbered `first` is left out.
+    """
     count = ring.shape[0]
     keep = np.zeros(count, dtype=np.bool_)
-    keep[0] = True
-    i = 0
+    keep[: first + 1] = True
+    i = first
     while i < count - 1:
         best = i + 1
         for j in range(i + 2, min(i + 64, count)):

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 
-from snnav_core.sensing.scan import PlanarScan, detect_planar
+from snnav_core.sensing.scan import PlanarScan, ScanSettings, detect_planar
 from snnav_core.sensing.thinning import thin_ring
 from snnav_core.types import Pose2D
 
@@ -31,3 +34,26 @@ def test_a_sliver_stays_a_ring() -> None:
     for ring in area.rings:
         assert len(thin_ring(ring, 0.003)) >= 3
         assert shapely.Polygon(ring).covers(shapely.Polygon(thin_ring(ring, 0.003)))
+
+
+@given(
+    st.integers(0, 2**32 - 1),
+    st.sampled_from((0.05, 0.3, 0.6, 0.9)),
+    st.sampled_from((0.003, 0.01, 0.05)),
+    st.sampled_from((0.25, 0.5, 1.0)),
+)
+def test_what_is_left_of_a_scan_full_of_holes_is_valid(
+    seed: int, lost: float, tolerance: float, step_deg: float
+) -> None:
+    """Thin wedges between beams that see nothing, some as thin as the tolerance (a real one ended the fusion)."""
+    draws = np.random.default_rng(seed)
+    count = round(180.0 / step_deg) + 1
+    ranges = draws.uniform(0.3, 3.0) + np.cumsum(draws.normal(0.0, 0.01, count))
+    ranges[draws.random(count) < 0.1] *= 0.8
+    ranges[draws.random(count) < lost] = 0.0
+    scan = PlanarScan(0.0, np.round(ranges, 2), -math.pi / 2, math.radians(step_deg), 0.0, 30.0)
+    pose = Pose2D(*draws.uniform(-5.0, 5.0, 3).tolist())
+    area = detect_planar("laser", scan, pose, ScanSettings(range_accuracy=0.02))
+    thin = replace(area, simplification=tolerance)
+    assert thin.polygon.is_valid, shapely.is_valid_reason(thin.polygon)
+    assert shapely.difference(thin.polygon, area.polygon).area < 1e-9
