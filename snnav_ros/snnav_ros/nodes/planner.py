@@ -143,7 +143,7 @@ class PlannerNode(ManagedNode):
             self._area, self._area_stamp = None, -1
             self._lost, self._lost_stamp = (), -1
             self._decided = -1
-            self._states.clear()
+            self._states = {}
 
     def _inputs(self) -> list[str]:
         missing_goals = [f"{name}/goal_pose" for name in self.robots if name not in self._goals]

@@ -10,6 +10,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry, Path
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from snnav_core.errors import InvalidInput
 from snnav_core.tracking.planar import PlanarTracker, TrackerSettings
@@ -58,6 +59,9 @@ class RobotNode(ManagedNode):
             self.reader.fail("tracker", str(error))
         if self.lockstep and settings.base == "external":
             self.reader.fail("base", "value 'external' does not go with lockstep; a real base does not wait")
+        self._gate = PathGate(settings.robot_id, settings.rules)
+        self._is_driving = False
+        self._begin()
         self._by_wall = not self.lockstep and not is_simulated(self)
         if not self.lockstep and not self._by_wall:
             self._jump = watch_time(self, self._on_time_back)
@@ -67,7 +71,7 @@ class RobotNode(ManagedNode):
     def configure(self) -> None:
         """Make the publishers."""
         name = self.spec.id
-        self._gate = PathGate(name, self.settings.rules)
+        self._gate.reset()
         self._enabled = True
         self._commands = self.publisher(
             TwistStamped if self.settings.stamped else Twist,
@@ -96,6 +100,13 @@ class RobotNode(ManagedNode):
         else:
             self.every(self.settings.control_period, self._on_timer)
         self._waiting = self.report_waiting(self._inputs)
+        self._is_driving = True
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Transition active -> inactive; the base stops."""
+        self._is_driving = False
+        self._stop_base()
+        return super().on_deactivate(state)
 
     def reset(self) -> None:
         """Forget the path; a simulated base stands at its start again."""
@@ -239,25 +250,41 @@ class RobotNode(ManagedNode):
         if not problem and self._pose is not None:
             left = self._window_left(now)
             period, holds = self.settings.control_period, self.settings.command_holds
-            self._hold = max(
-                period, min(holds, left)
-            )  # the simulated base ends with the window, a real one may not
-            if left + _TIME_TOLERANCE >= (holds if self.settings.base == "external" else period):
+            self._hold = max(period, min(holds, left))  # so the simulated base ends with the window ...
+            needed = (
+                holds if self.settings.base == "external" else period
+            )  # ... which a real one does not know
+            if left + _TIME_TOLERANCE >= needed:
                 self._command = self._tracker.command(self._pose[1], seconds(now))
             elif not self._tracker.finished and not self._refusal:
                 end = f"the certificate ended at {self._valid_until:.3f} s and no newer path came"
                 self._refuse("window", f"{end}; check the planner")
-        twist = Twist()
-        twist.linear.x, twist.angular.z = self._command.speed, self._command.turn_rate
-        if self.settings.stamped:
-            twist = TwistStamped(header=header(now, f"{self.spec.id}/base_link"), twist=twist)
-        self._commands.publish(twist)
+        self._publish_command(now)
         sampled = now % nanoseconds(self.settings.sampling_interval) < nanoseconds(
             self.settings.control_period
         )
         if sampled or not self._is_reported:
             self._is_reported = True
             self._report(now, problem)
+
+    def _publish_command(self, now: int) -> None:
+        twist = Twist()
+        twist.linear.x, twist.angular.z = self._command.speed, self._command.turn_rate
+        if self.settings.stamped:
+            twist = TwistStamped(header=header(now, f"{self.spec.id}/base_link"), twist=twist)
+        self._commands.publish(twist)
+
+    def _stop_base(self) -> None:
+        """Tell the base to stop, for this node tells it nothing more."""
+        self._command = _STOP
+        if not self.lockstep:
+            self._publish_command(now_of(self))
+
+    def destroy_node(self) -> None:
+        """End the node; its base stops."""
+        if self._is_driving and self.context.ok():
+            self._stop_base()
+        super().destroy_node()
 
     def _window_left(self, now: int) -> float:
         """Return how long the path may still be followed [s], by the clock of ROS and by a steady one."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry, Path
@@ -24,6 +25,7 @@ from snnav_ros.convert import (
     state_from_message,
     verdict_to_message,
 )
+from snnav_ros.nodes.base import NodeOptions
 from snnav_ros.nodes.node_time import now_of
 from snnav_ros.nodes.robot import RobotNode
 
@@ -307,6 +309,44 @@ def test_external_base_gets_no_command_that_may_hold_beyond_the_window(graph: An
         graph.until(lambda count=count: len(commands) > count)
         speeds[tick] = commands[-1].linear.x
     assert [tick for tick, speed in speeds.items() if speed] == list(range(2, 16))  # 0.75 s + 0.2 s = 0.95 s
+
+
+@pytest.mark.parametrize("way", ["deactivated", "destroyed"])
+def test_robot_node_that_ends_stops_its_base(graph: Any, way: str) -> None:
+    cart = CartOfTicks(graph)
+    cart.run()
+    cart.drive()
+    count = len(cart.commands)
+    if way == "deactivated":
+        cart.node.trigger_deactivate()
+    else:
+        graph.executor.remove_node(cart.node)
+        graph.nodes.remove(cart.node)
+        cart.node.destroy_node()
+    graph.until(lambda: len(cart.commands) > count, "a last command")
+    assert cart.speed == 0.0
+
+
+def test_robot_node_ends_though_ros_is_shut_down_already(ros_domain: int) -> None:
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context, domain_id=ros_domain)
+    node = RobotNode(NodeOptions(parameters=CART, context=context, lean=True))
+    rclpy.shutdown(context=context)
+    node.destroy_node()
+
+
+def test_clock_that_jumps_before_the_node_is_active_is_no_matter(graph: Any) -> None:
+    commands = graph.hear(Twist, "cart/cmd_vel")
+    node = graph.add(RobotNode, **CART, use_sim_time=True, autostart=False)
+    clock = graph.speak(Clock, "/clock", 1)
+    for tick in (9, 3):
+        clock.publish(Clock(clock=stamp_message(tick * TICK)))
+        graph.until(lambda tick=tick: now_of(node) == tick * TICK)
+    node.trigger_configure()
+    node.trigger_activate()
+    clock.publish(Clock(clock=stamp_message(4 * TICK)))
+    graph.until(lambda: bool(commands), "a command")
+    assert "the clock jumped" not in node._refusal
 
 
 def test_external_odometry_from_the_future_stops(graph: Any) -> None:
