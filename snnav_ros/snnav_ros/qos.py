@@ -50,8 +50,9 @@ CLOCK = _profile(1)
 CLOCK_INPUT = _profile(1, reliable=False)
 """`/clock` free running; subscribers ask for best effort."""
 
-LOCKSTEP = _profile(10, latched=True)
-"""Every topic of a lockstep run, on both sides: nothing is lost, and who is discovered late gets what he waits for."""
+LOCKSTEP = _profile(100, latched=True)
+"""Every topic of a lockstep run, on both sides: nothing is lost, up to 100 scans of a sensor per tick, and who is
+discovered late gets what he waits for."""
 
 DONE_INBOX = _profile(1000, latched=True)
 """`lockstep/done` at the clock: one inbox for the words of all participants."""

@@ -476,3 +476,18 @@ def test_in_lockstep_it_waits_for_the_odometry_of_robots_that_are_seen_also_afte
 def test_mistakes_about_robots_end_it_at_its_start(graph: Any, changes: dict[str, Any], text: str) -> None:
     with pytest.raises(ParameterError, match=text):
         graph.add(FusionNode, **{**SITE, **FLOOR, **changes})
+
+
+def test_in_lockstep_no_scan_of_a_fast_scanner_is_left_out(graph: Any) -> None:
+    steps = Steps(graph)
+    steps.tick(500_000_000)
+    for index in range(50):
+        steps.north.publish(scan("north", 10_000_000 * index))
+    steps.north.publish(nothing_to_message("north", 500_000_000))
+    steps.south.publish(scan("laser", 500_000_000))
+    graph.until(lambda: steps.is_done(500_000_000))
+    assert steps.node._rejected["north"] == 0
+    points = np.array([[0.0, 7.0]])
+    for index in range(30, 50):  # the last twenty are known to the fusion
+        sensor, stamps = steps.node._fusion.last_seen(points, 0.01 * index + 0.001)
+        assert (sensor[0], stamps[0]) == (0, pytest.approx(0.01 * index))
