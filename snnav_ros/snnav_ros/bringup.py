@@ -72,9 +72,10 @@ def plan_nodes(
     ]
     clock: dict[str, Any] = {**common, "use_sim_time": False}
     if not realtime:
+        from snnav_ros.nodes.clock import every_tick
         from snnav_ros.nodes.recorder import RECORDER
 
-        clock["every_tick"] = [robot.id for robot in scene.robots] + [RECORDER]
+        clock["every_tick"] = [*every_tick(scene), RECORDER]
     return [*plans, NodePlan(_CLOCK, "clock", "ClockNode", clock)]
 
 

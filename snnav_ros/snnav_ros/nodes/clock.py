@@ -18,8 +18,9 @@ from snnav_ros.parameters import ParameterReader
 from snnav_ros.qos import CLOCK, DONE_INBOX, LOCKSTEP
 from snnav_ros.scenes import read_scene
 from snnav_ros.waiting import WaitingReport
+from snnav_sim.scene_types import Scene
 
-__all__ = ["ClockNode", "ClockParameters"]
+__all__ = ["ClockNode", "ClockParameters", "every_tick"]
 
 FUSION, PLANNER = "fusion_node", "planner_node"
 
@@ -39,7 +40,8 @@ class ClockParameters:
     rate : float
         Simulated seconds in a second, without lockstep.
     every_tick : tuple of str
-        Participants due at every tick: names of the robot nodes. Those of the scene when left out.
+        Participants due at every tick: names of the robot nodes, and of sensors that see robots. Those of the scene
+        when left out.
     every_sample : tuple of str
         Participants due at every sampling instant: sensors, fusion and planner. Those of the scene when left out.
     """
@@ -50,6 +52,12 @@ class ClockParameters:
     rate: float = 1.0
     every_tick: tuple[str, ...] = ()
     every_sample: tuple[str, ...] = ()
+
+
+def every_tick(scene: Scene) -> tuple[str, ...]:
+    """Return the names of the nodes of a scene that take part in every tick of lockstep."""
+    robots = tuple(robot.id for robot in scene.robots)
+    return robots + tuple(sensor.id for sensor in scene.sensors if sensor.sees_robots)
 
 
 class ClockNode(Node):
@@ -82,7 +90,7 @@ class ClockNode(Node):
             defaults = {
                 "control_period": scene.control_period,
                 "sampling_interval": scene.sampling_interval,
-                "every_tick": tuple(robot.id for robot in scene.robots),
+                "every_tick": every_tick(scene),
                 "every_sample": (*(sensor.id for sensor in scene.sensors), FUSION, PLANNER),
             }
         settings = reader.settings(ClockParameters, **defaults)
