@@ -16,7 +16,7 @@ def test_further_signals_change_nothing(number: signal.Signals) -> None:
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as child:
         try:
             assert child.stdout is not None
-            assert "waiting for" in child.stdout.readline()
+            assert any("waiting for" in line for line in child.stdout)  # a slow machine says more before
             end = time.monotonic() + 10.0
             while child.poll() is None:
                 assert time.monotonic() < end, "the node lives on"
