@@ -61,8 +61,8 @@ class AreaFusion:
         if not sensors or len(self.sensors) != len(sensors):
             raise InvalidInput(f"sensors {[s.id for s in sensors]}: need at least one, and different ids")
         self.settings = settings or FusionSettings()
-        keeps_lengths = not self.settings.remembers
-        self._robots = RobotHiding(robots, self.settings.robot_tolerance, keeps_lengths)
+        nothing_moves = self.settings.boundary_speed == 0.0
+        self._robots = RobotHiding(robots, self.settings.robot_tolerance, keeps_lengths=nothing_moves)
         self._robots_are_seen = any(sensor.settings.sees_robots for sensor in sensors)
         self._history = SeenHistory(list(self.sensors))
         self.reset()

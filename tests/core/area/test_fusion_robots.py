@@ -221,3 +221,11 @@ def test_lengths_are_not_kept_for_a_fan_of_other_beams() -> None:
         one.add_state(at(robot, x, 4.0, 0.5))
     one.add_scan("s0", half, 0.5)
     assert clearance(one.area(0.5), (5.0, 4.0))[0] < 0.0
+
+
+def test_without_memory_nothing_behind_a_robot_is_free_where_things_move() -> None:
+    one = fusion(FLOOR, boundary_speed=0.3, memory=False)
+    assert clearance(step(one, 0.0), (5.0, 4.0))[0] > 1.0
+    area = step(one, 0.5, r1=(4.0, 4.0))
+    assert clearance(area, (5.0, 4.0))[0] < 0.0
+    assert clearance(area, (4.0, 4.0))[0] >= 0.39
