@@ -146,7 +146,7 @@ def _draw_to_people(axes: Axes, robot: Distances) -> None:
             f"{there[lowest]:.2f} m",
             (robot.times[lowest], there[lowest]),
             textcoords="offset points",
-            xytext=(5, 5),
+            xytext=(6, 9),
             fontsize=8,
             color=MOVER,
         )
