@@ -62,6 +62,7 @@ def visible_region(
     """
     a = segments[:, :2] - np.asarray(origin)
     b = segments[:, 2:] - np.asarray(origin)
+    a, b = _in_question(a, b, range_max)
     ends = np.concatenate((a, b))
     bearings = (np.arctan2(ends[:, 1], ends[:, 0]) - first) % _TURN
     inside = bearings[(bearings > 0.0) & (bearings < field_of_view)]
@@ -74,6 +75,17 @@ def visible_region(
         return shapely.Polygon()
     polygon = shapely.Polygon(points + np.asarray(origin))
     return polygon if polygon.is_valid else polygon.buffer(0.0)
+
+
+def _in_question(a: FloatArray, b: FloatArray, range_max: float) -> tuple[FloatArray, FloatArray]:
+    """Return the segments (S, 2), (S, 2) from the origin that face it or point at it, within range."""
+    edge = b - a
+    length = np.hypot(edge[:, 0], edge[:, 1])
+    facing = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] >= -_ON_SEGMENT * length
+    share = np.clip(-np.sum(a * edge, axis=1) / np.maximum(length, 1e-300) ** 2, 0.0, 1.0)
+    nearest = np.hypot(*(a + share[:, None] * edge).T)
+    kept = facing & (nearest <= range_max * (1.0 + 1e-9))
+    return a[kept], b[kept]
 
 
 @numba.njit(cache=True, error_model="numpy")

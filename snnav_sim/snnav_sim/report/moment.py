@@ -96,7 +96,9 @@ class Moments:
     def _split(self, stamp: float, region: BaseGeometry) -> tuple[BaseGeometry, BaseGeometry]:
         if not self.remembers:
             return region, shapely.Polygon()
-        out_of_sight = shapely.difference(region, self._in_sight(stamp))
+        out_of_sight = region
+        for view in self._in_sight(stamp):
+            out_of_sight = shapely.difference(out_of_sight, view)
         low, high = self._scene.workspace.min(axis=0), self._scene.workspace.max(axis=0)
         width = _SLIVER * float((high - low).max())
         remembered = out_of_sight.buffer(-0.5 * width, join_style="mitre").buffer(
@@ -104,11 +106,11 @@ class Moments:
         )
         return region, remembered
 
-    def _in_sight(self, stamp: float) -> BaseGeometry:
-        """Return what the sensors can see, robots in the way of those on the floor."""
+    def _in_sight(self, stamp: float) -> list[BaseGeometry]:
+        """Return what each sensor can see at a sampling instant [s], robots in the way of those on the floor."""
         world = self._truth.world
         if not self._scene.sees_robots:
-            return world.true_unoccupied_area(stamp)
+            return self._truth.memory.views(round(stamp / self._scene.sampling_interval))
         robots = [
             shapely.Point(moment.position).buffer(robot.radius)
             for robot in self._scene.robots
@@ -117,7 +119,7 @@ class Moments:
         free = world.free_region(stamp)
         above = ring_segments(free)
         on_floor = ring_segments(shapely.difference(free, shapely.union_all(robots)))
-        views = [
+        return [
             visible_region(
                 sensor.position,
                 sensor.heading + sensor.angle_min,
@@ -128,7 +130,6 @@ class Moments:
             for sensor in self._scene.sensors
             if not world.is_covered(sensor.position, stamp)
         ]
-        return shapely.union_all(views)
 
     def robot(self, robot: RobotScene, time: float) -> RobotMoment | None:
         """Return a robot at a time [s]; None before its first sample."""

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.affinity import translate
 from shapely.geometry import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
@@ -46,20 +47,28 @@ class TrueMemory:
     def __init__(self, world: World) -> None:
         self._world, self._scene = world, world.scene
         self._regions: list[MultiPolygon] = []
+        self._views: dict[int, list[BaseGeometry]] = {}
 
     @property
     def moves(self) -> bool:
         """Whether the area changes at all."""
         return any(mover.top_speed > 0.0 for mover in self._scene.movers)
 
+    def views(self, index: int) -> list[BaseGeometry]:
+        """Return what each sensor sees at a sampling instant by its number from 0 [m, map]."""
+        index = index if self.moves else 0
+        if index not in self._views:
+            self._views[index] = self._world.visible_regions(index * self._scene.sampling_interval)
+        return self._views[index]
+
     def region(self, index: int) -> MultiPolygon:
         """Return the area of a sampling instant by its number from 0 [m, map]."""
         index = index if self.moves else 0
         reach = self._scene.sampling_interval * self._scene.boundary_speed
         while len(self._regions) <= index:
-            seen = self._world.true_unoccupied_area(len(self._regions) * self._scene.sampling_interval)
-            kept = _eroded(self._regions[-1], reach) if self._regions else shapely.Polygon()
-            self._regions.append(as_multipolygon(shapely.union(seen, kept)))
+            kept = [_eroded(self._regions[-1], reach)] if self._regions else []
+            area = shapely.union_all([*self.views(len(self._regions)), *kept])
+            self._regions.append(as_multipolygon(area))
         return self._regions[index]
 
     def clearance(self, points: FloatArray, times: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
@@ -94,51 +103,41 @@ class TrueMemory:
         exact = since <= _TIME
         least = max(margin, float(np.min(clearance[exact]))) if exact.any() else math.inf
         for number in np.unique(numbers[~exact & (clearance < least)]):
-            rows = (numbers == number) & ~exact
-            lasting = UnoccupiedArea(0.0, self._lasting(int(number))).clearance(points[rows])
+            rows = (numbers == number) & ~exact & (clearance < least)
+            lasting = self._near(points[rows], number * delta, delta, int(number), least)
             clearance[rows] = np.maximum(clearance[rows], lasting)
         for row in np.flatnonzero(~exact & (clearance < least)):
             limit = max(margin, float(clearance[row])) + _REACH
-            near = self._near(points[row], float(times[row]), int(numbers[row]), limit)
+            near = float(self._near(points[[row]], float(times[row]), 0.0, int(numbers[row]), limit)[0])
             exact[row] = near < limit
             clearance[row] = max(clearance[row], near)
         return clearance, exact
 
-    def _lasting(self, number: int) -> MultiPolygon:
-        """Return what is free from a sampling instant to the next: seen past all that bodies sweep, or remembered."""
-        world, delta = self._world, self._scene.sampling_interval
-        swept = [_swept(mover, number * delta, delta) for mover in self._scene.movers]
-        blocked = shapely.union_all(swept)
-        segments = ring_segments(shapely.difference(world.static_region, blocked))
-        views = [
-            _view(sensor, 0.0, sensor.field_of_view, segments)
+    def _near(
+        self, points: FloatArray, begin: float, duration: float, number: int, limit: float
+    ) -> FloatArray:
+        """Return the distances of points (N, 2) to the boundary of what is free for a while, at most the limit [m].
+
+        Free for a while is what is seen past all that bodies sweep, and the memory of sampling instant `number` that
+        is left at the end. Only what is near is built: what the sensors see through the bearings of a disk around the
+        points, and the memory within a square.
+        """
+        blocked = shapely.union_all([_swept(mover, begin, duration) for mover in self._scene.movers])
+        segments = ring_segments(shapely.difference(self._world.static_region, blocked))
+        low, high = points.min(axis=0), points.max(axis=0)
+        x, y = (0.5 * (low + high)).tolist()
+        radius = limit + 0.5 * math.dist(low, high)
+        parts = [
+            _seen_near(sensor, (x, y), radius, segments)
             for sensor in self._scene.sensors
             if not blocked.intersects(shapely.Point(sensor.position))
         ]
-        kept = _eroded(self.region(number), delta * self._scene.boundary_speed)
-        return as_multipolygon(shapely.union_all([*views, kept]))
-
-    def _near(self, point: FloatArray, time: float, number: int, limit: float) -> float:
-        """Return the distance of a point (2,) to the boundary of the area at any time, at most the limit [m].
-
-        Only what is near is built: what the sensors see through the bearings of the disk around the point, and the
-        memory of the last sampling instant within a square.
-        """
-        segments = ring_segments(self._world.free_region(time))
-        centre = (float(point[0]), float(point[1]))
-        parts = [
-            _seen_near(sensor, centre, limit, segments)
-            for sensor in self._scene.sensors
-            if not self._world.is_covered(sensor.position, time)
-        ]
-        age = (time - number * self._scene.sampling_interval) * self._scene.boundary_speed
-        side = limit + 1.1 * age + 0.1
-        square = (centre[0] - side, centre[1] - side, centre[0] + side, centre[1] + side)
-        parts.append(_eroded(shapely.clip_by_rect(self.region(number), *square), age))
-        area = shapely.union_all(parts)
-        where = shapely.Point(centre)
-        distance = float(shapely.distance(where, shapely.boundary(area)))
-        return min(limit, distance if area.intersects(where) else -distance)
+        age = (begin + duration - number * self._scene.sampling_interval) * self._scene.boundary_speed
+        side = radius + 1.1 * age + 0.1
+        square = shapely.box(x - side, y - side, x + side, y + side)
+        parts.append(_eroded(shapely.intersection(self.region(number), square), age))
+        area = UnoccupiedArea(0.0, as_multipolygon(shapely.union_all(parts)))
+        return np.minimum(area.clearance(points), limit)
 
 
 def _seen_near(sensor: SensorScene, centre: Point, radius: float, segments: FloatArray) -> BaseGeometry:
@@ -169,7 +168,10 @@ def _view(sensor: SensorScene, begin: float, end: float, segments: FloatArray) -
 
 
 def _swept(mover: Mover, begin: float, duration: float) -> BaseGeometry:
-    """Return a region that holds a body all the time."""
+    """Return a region that holds a body all the time; the body itself for a moment."""
+    if duration == 0.0 or mover.top_speed == 0.0:
+        x, y = mover_positions(mover, begin)[0].tolist()
+        return translate(solid(mover.shape), x, y)
     step = duration / _PLACES
     places = mover_positions(mover, np.linspace(begin, begin + duration, _PLACES + 1))
     corners = shapely.get_coordinates(solid(mover.shape))
