@@ -43,6 +43,7 @@ class RunDisplay:
 
     def evaluate(self) -> None:
         """Tell that the run is over and is being evaluated."""
+        self._console.print("the run is over: it is measured and written down", highlight=False)
 
     def to_go(self, record: RunRecord) -> dict[str, float]:
         """Return how far every robot is from its target [m]."""

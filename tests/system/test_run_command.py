@@ -56,8 +56,10 @@ def test_run_with_and_without_ros_writes_the_same_directory(tmp_path: Path) -> N
         assert metrics["planner"]["step_ms"]["p50"] > 0.0
         assert metrics["fusion"]["step_ms"]["p50"] > 0.0
         assert sorted(path.name for path in (tmp_path / run / "figures").iterdir()) == [
+            "animation.gif",
             "clearance.png",
             "scene.png",
+            "snapshots.png",
         ]
     assert "rclpy" in json.loads((tmp_path / "ros" / "metrics.json").read_text(encoding="utf-8"))["versions"]
     with BagReader(tmp_path / "ros" / "bag") as bag:
