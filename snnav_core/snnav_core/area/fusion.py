@@ -171,7 +171,8 @@ class AreaFusion:
         self._known = known = self._advanced(time, usable, lost)
         reach = (time - known.stamp) * self.settings.boundary_speed
         if reach > _SAME_PLACE:
-            region = shrink(known.region, reach)
+            # remember, not shrink: it keeps the number of vertices in bounds
+            region = remember(known.region, MultiPolygon(), time - known.stamp, self.settings.boundary_speed)
             disks = self._disks(time, [region])
             if disks:
                 region = cut_returns(

@@ -179,3 +179,23 @@ def test_only_polygons_are_left_of_a_mixed_geometry() -> None:
     assert list(as_multipolygon(mixed).geoms) == [polygon]
     assert as_multipolygon(Polygon()).is_empty
     assert as_multipolygon(LineString([(0, 0), (1, 1)])).is_empty
+
+
+@given(seeds, st.sampled_from((0.0003, 0.01, 0.1)))
+def test_a_fan_of_slits_shrinks_like_anything_else(seed: int, distance: float) -> None:
+    """What scanners full of holes leave: slits that all meet at the scanner, whose offset lines cross one another."""
+    draws = np.random.default_rng(seed)
+    angles = np.linspace(0.0, math.pi, 500)
+    lengths = np.where(draws.random(500) < 0.5, 8.0, draws.uniform(0.5, 7.0, 500))
+    outline = lengths[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
+    fan = as_multipolygon(Polygon(np.vstack(([[0.0, -0.5]], outline))))
+    fan = as_multipolygon(shapely.difference(fan, Point(2.0, 3.0).buffer(0.2, quad_segs=40)))
+    assert shapely.get_num_coordinates(fan) > 600
+    assert fan.length > 12.0 * math.sqrt(fan.area)
+    left = shrink(fan, distance)
+    assert left.is_valid
+    assert (
+        shapely.distance(shapely.points(shapely.get_coordinates(left)), fan.boundary).min() >= distance - 1e-9
+    )
+    assert shapely.difference(left, fan).area < 1e-9
+    assert shapely.difference(fan.buffer(-1.01 * distance, quad_segs=32), left).area < 1e-6
