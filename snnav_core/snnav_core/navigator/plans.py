@@ -11,7 +11,7 @@ from snnav_core.navigator.search import Route, next_corner
 from snnav_core.planning.adjustment import resample
 from snnav_core.types import FloatArray, PathSource, PlannedPath, TimedPath
 
-__all__ = ["best_profile", "better", "profiles", "turn_and_leg"]
+__all__ = ["best_profile", "better", "profiles", "turn_and_leg", "turn_on"]
 
 _ALIGNED = 0.02  # a turn by less than this [rad] brings nothing
 
@@ -43,15 +43,31 @@ def turn_and_leg(attempt: Attempt, route: Route) -> PlannedPath | None:
     corner = next_corner(attempt.context, route, attempt.pose)
     if corner is None:
         return None
-    start, distances = attempt.pose.position, attempt.distances
+    start = attempt.pose.position
     heading = math.atan2(corner[1] - start[1], corner[0] - start[0])
-    if abs(math.remainder(heading - attempt.pose.heading, 2.0 * math.pi)) >= _ALIGNED:
-        points = np.repeat(start[None], distances.window_points + 1, axis=0)
-        path = TimedPath(attempt.time, distances.step, points, turn_to=heading)
-        plan = attempt.planned(path, PathSource.TURN_IN_PLACE)
+    if _is_off(attempt, heading):
+        plan = _turn(attempt, heading)
     else:
         plan = attempt.along(np.vstack((start, corner)), PathSource.STRAIGHT_LEG)
     return plan if plan.certificate.accepted else None
+
+
+def turn_on(attempt: Attempt, last: PlannedPath | None) -> PlannedPath | None:
+    """A turn in place that was begun, to its end: where two ways are as good, the robot must not turn to and fro."""
+    if last is None or last.path.turn_to is None or not _is_off(attempt, last.path.turn_to):
+        return None
+    plan = _turn(attempt, last.path.turn_to)
+    return plan if plan.certificate.accepted else None
+
+
+def _is_off(attempt: Attempt, heading: float) -> bool:
+    return abs(math.remainder(heading - attempt.pose.heading, 2.0 * math.pi)) >= _ALIGNED
+
+
+def _turn(attempt: Attempt, heading: float) -> PlannedPath:
+    points = np.repeat(attempt.pose.position[None], attempt.distances.window_points + 1, axis=0)
+    path = TimedPath(attempt.time, attempt.distances.step, points, turn_to=heading)
+    return attempt.planned(path, PathSource.TURN_IN_PLACE)
 
 
 def better(best: PlannedPath | None, plan: PlannedPath | None) -> PlannedPath | None:

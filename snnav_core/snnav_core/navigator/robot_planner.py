@@ -11,7 +11,7 @@ from snnav_core.errors import GoalBlocked, GoalUnreachable, PlanningError, Start
 from snnav_core.navigator.attempt import Attempt
 from snnav_core.navigator.context import Disks
 from snnav_core.navigator.evasion import closes, evade, may_stand
-from snnav_core.navigator.plans import best_profile, better, profiles, turn_and_leg
+from snnav_core.navigator.plans import best_profile, better, profiles, turn_and_leg, turn_on
 from snnav_core.navigator.search import Route, find_route, route_candidates
 from snnav_core.planning.adjustment import resample
 from snnav_core.planning.separation import OtherRobot
@@ -27,6 +27,7 @@ from snnav_core.types import (
 __all__ = ["RobotMemory", "plan_robot"]
 
 _BY_ROBOT = " of robot "  # in the reasons of `separation`
+_PATIENCE = 15  # decisions that a robot gets no nearer to its target, and for which it is less choosy then
 _RETRY = 2  # a fruitless search is repeated every so many steps while things change
 _DETOUR = 1.2  # a path certified for a part of the window is left for one at most so much longer ...
 _LEAST_PATIENCE = 2  # ... unless fewer than so many sampling intervals are left
@@ -58,6 +59,12 @@ class RobotMemory:
         Situation and outcome of a fruitless search, so that it is not repeated while nothing changes.
     evading : bool
         The last path leads out of the way, not to the target.
+    shortest : float
+        Shortest path to the target up to now [m].
+    stalled : int
+        Decisions with a path to the target since one was shorter than ever before.
+    hurry : int
+        For so many decisions more the shortest certified path is taken, be its window short or something near it.
     """
 
     goal: tuple[float, float]
@@ -68,6 +75,9 @@ class RobotMemory:
     arrived: bool = False
     failure: tuple[tuple[object, ...], Stop] | None = None
     evading: bool = False
+    shortest: float = math.inf
+    stalled: int = 0
+    hurry: int = 0
 
 
 def plan_robot(
@@ -92,19 +102,35 @@ def plan_robot(
     decision, memory = _to_target(
         attempt, memory if not last.evading else replace(memory, plan=None), area_changed
     )
-    if isinstance(decision, PlannedPath) and (attempt.is_full(decision) or not closes(attempt, decision)):
-        return decision, memory
+    if isinstance(decision, PlannedPath):
+        memory = _with_progress(memory, decision, attempt.distances.stride)
+        if memory.hurry > 0 or attempt.is_full(decision) or not closes(attempt, decision):
+            return decision, memory
     if may_stand(attempt):
         if isinstance(decision, PlannedPath):
             message = f"robot {attempt.robot.id} waits: something comes nearer along its way"
             decision = Stop(attempt.robot.id, StopReason.NO_PATH, message)
         return decision, memory
-    away = _kept(attempt, last) if last.evading else None
+    away = (_kept(attempt, last) or turn_on(attempt, last.plan)) if last.evading else None
     if away is None or not attempt.is_whole(away):
         away = better(away, evade(attempt, _standing(attempt, parked=False)))
     if away is None or (isinstance(decision, PlannedPath) and better(decision, away) is decision):
         return decision, memory
     return away, replace(memory, evading=True)
+
+
+def _with_progress(memory: RobotMemory, plan: PlannedPath, stride: float) -> RobotMemory:
+    """Note whether the robot gets nearer to its target; one that does not for long becomes less choosy for a while.
+
+    Else it could turn round before a narrow place again and again: a way back is always safe for longer.
+    """
+    hurry, length = max(memory.hurry - 1, 0), plan.path.length
+    if plan.path.turn_to is None and length < memory.shortest - 0.5 * stride:
+        return replace(memory, shortest=length, stalled=0, hurry=hurry)
+    if memory.stalled + 1 < _PATIENCE:
+        return replace(memory, stalled=memory.stalled + 1, hurry=hurry)
+    shortest = length if plan.path.turn_to is None else math.inf
+    return replace(memory, shortest=shortest, stalled=0, hurry=_PATIENCE)
 
 
 def _to_target(
@@ -129,7 +155,7 @@ def _to_target(
     memory = replace(memory, target=found.target)
     decision = found.best
     if decision is None and found.route is not None and attempt.robot.can_turn_in_place:
-        decision = turn_and_leg(attempt, found.route)
+        decision = turn_on(attempt, memory.plan) or turn_and_leg(attempt, found.route)
     if decision is None:
         return found.stop, replace(memory, failure=(situation, found.stop))
     return decision, memory
@@ -188,9 +214,9 @@ def _search(attempt: Attempt, best: PlannedPath | None, memory: RobotMemory) -> 
         if not plan.certificate.accepted:
             rejected = plan.certificate.reason
             by_robot = by_robot or _BY_ROBOT in rejected
-        elif best is None or _replaces(attempt, plan, best):
+        elif best is None or _replaces(attempt, plan, best, memory.hurry > 0):
             best = plan
-            if attempt.is_full(plan):
+            if attempt.is_full(plan) or memory.hurry > 0:
                 break
     reason = StopReason.BLOCKED_BY_ROBOT if by_robot else StopReason.NO_PATH
     message = f"robot {robot.id}: {len(candidates)} candidates, none certified; the last: {rejected}"
@@ -210,9 +236,9 @@ def _route(attempt: Attempt, goal: FloatArray) -> Route:
         return find_route(*arguments, parked)
 
 
-def _replaces(attempt: Attempt, plan: PlannedPath, best: PlannedPath) -> bool:
+def _replaces(attempt: Attempt, plan: PlannedPath, best: PlannedPath, hurried: bool) -> bool:
     """Whether a new path is worth leaving the last one: shorter, or safe for longer without a great detour."""
-    if attempt.is_full(plan) != attempt.is_full(best):
+    if not hurried and attempt.is_full(plan) != attempt.is_full(best):
         left = best.certificate.valid_until - attempt.time
         patient = left > _LEAST_PATIENCE * attempt.settings.sampling_interval - 1e-6
         return attempt.is_full(plan) and (not patient or plan.path.length < _DETOUR * best.path.length)

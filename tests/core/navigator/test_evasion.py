@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,12 @@ import pytest
 import shapely
 
 from snnav_core.area.planar import UnoccupiedArea, as_multipolygon
+from snnav_core.navigator.attempt import Attempt
+from snnav_core.navigator.context import AreaContext
 from snnav_core.navigator.ground import GroundNavigator
-from snnav_core.navigator.settings import NavigatorSettings
-from snnav_core.types import PlannedPath, Pose2D, RobotSpec, Stop, StopReason
+from snnav_core.navigator.plans import turn_on
+from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
+from snnav_core.types import PathSource, PlannedPath, Pose2D, RobotSpec, Stop, StopReason, TimedPath
 
 HALL = shapely.box(0.0, 0.0, 20.0, 12.0)
 SETTINGS = NavigatorSettings(0.5, 0.5, 4, boundary_speed=0.4)
@@ -87,3 +91,18 @@ def test_when_nothing_can_move_nobody_evades(closed_loop: Callable[..., Any]) ->
         GroundNavigator([CART], still), area_at, {"cart": Pose2D(5.4, 4.0, 0.0)}, {"cart": (17.0, 6.0)}, 5.0
     )
     assert not any(isinstance(result.decisions["cart"], PlannedPath) for result in log.results)
+
+
+def test_a_turn_in_place_that_was_begun_is_ended_when_another_one_would_do_as_well() -> None:
+    context = AreaContext(UnoccupiedArea(0.0, as_multipolygon(HALL)), 0.0)
+    distances, pose = RobotDistances(CART, SETTINGS), Pose2D(5.0, 6.0, 0.0)
+    attempt = Attempt(context, CART, pose, np.array([17.0, 6.0]), 0.0, (), distances, SETTINGS, 0.6)
+    points = np.tile([5.0, 6.0], (9, 1))
+    begun = attempt.planned(TimedPath(0.0, distances.step, points, turn_to=2.0), PathSource.TURN_IN_PLACE)
+    later = replace(attempt, time=0.5, pose=Pose2D(5.0, 6.0, 0.75))
+    going_on = turn_on(later, begun)
+    assert going_on is not None
+    assert going_on.path.turn_to == pytest.approx(2.0)
+    assert going_on.certificate.accepted
+    assert turn_on(replace(attempt, pose=Pose2D(5.0, 6.0, 2.0)), begun) is None
+    assert turn_on(later, None) is None
