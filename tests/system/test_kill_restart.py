@@ -1,7 +1,7 @@
 """Real processes over DDS: any node is killed, put to sleep or started afresh in mid-run, and the robot stays safe.
 
-The robot's base is in the hands of this test: it does what `cart/cmd_vel` says, for at most 0.1 s after the last
-command. So what the robot node promises is judged by code that it does not share.
+The robot's base is in the hands of this test: it does what `cart/cmd_vel` says, for at most 0.1 s after the stamp of
+the last command. So what the robot node promises is judged by code that it does not share.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import pytest
 import rclpy
 import shapely
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import PoseStamped, Twist
+from geometry_msgs.msg import PoseStamped, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
@@ -106,14 +106,14 @@ class Site:
         self._goals = self.node.create_publisher(PoseStamped, "cart/goal_pose", 1)
         for kind, topic, take in (
             (Clock, "/clock", self._on_clock),
-            (Twist, "cart/cmd_vel", self._on_command),
+            (TwistStamped, "cart/cmd_vel", self._on_command),
             (DiagnosticStatus, "cart/certificate", self._on_certificate),
             (DiagnosticArray, "/diagnostics", self._on_diagnostics),
         ):
             self.node.create_subscription(kind, topic, take, 100)
         file = folder / "scene.yaml"
         file.write_text(SCENE, encoding="utf-8")
-        external = {"base": "external", "command_timeout": WATCHDOG}
+        external = {"base": "external", "command_timeout": WATCHDOG, "stamped": True}
         for plan in plan_nodes(self.scene, file, realtime=True, processes=True, seed=1):
             parameters = {**plan.parameters, **(external if plan.name == "cart" else {})}
             children.start(plan.name, f"snnav_ros.nodes.{plan.module}_node", parameters)
@@ -145,8 +145,10 @@ class Site:
                 Motion(self.time, end, _place(before), _place(after), max(ends, default=-math.inf))
             )
 
-    def _on_command(self, message: Twist) -> None:
-        self._command, self._commanded = VelocityCommand(message.linear.x, message.angular.z), self.time
+    def _on_command(self, message: TwistStamped) -> None:
+        stamp, twist = seconds(nanoseconds_from_stamp(message.header.stamp)), message.twist
+        if stamp <= self.time + WATCHDOG:  # else it was given before time began anew
+            self._command, self._commanded = VelocityCommand(twist.linear.x, twist.angular.z), stamp
 
     def _on_certificate(self, message: DiagnosticStatus) -> None:
         verdict: Verdict = verdict_from_message(message)
