@@ -22,9 +22,10 @@ _WAY = 6.0  # [m] from start to target at least
 _WALKER = 0.25  # [m], radius
 _AHEAD = 0.02  # [m] that a walker keeps more than it must
 _SHORTEST_WALK = 2.0  # [s]
-_LONGEST_FAULT = 6.0  # [s]
+_LONGEST_FAULT = 9.0  # [s]
+_WHILE_SOMEBODY_COMES = 0.8  # share of faults at that time
 _FOR_EVER = 0.1  # share of faults that do not end
-_SEVERE = 0.25  # share of kinds that meet all sensors at once
+_SEVERE = 0.5  # share of kinds that meet all sensors at once
 _RECOVERY = 1.0  # [s] that a sensor works after it was frozen, before something else happens to it
 
 Draws = np.random.Generator
@@ -56,9 +57,9 @@ def faulty_scene(seed: int, kinds: Sequence[str] | None = None) -> Scene:
     What the scenes leave out, because no navigator can answer for it:
 
     - *Walkers do not see the robot.* One would walk into a robot that has stopped, and nothing is promised to a robot
-      that stands longer than its window. So walkers move only where the robot, driving straight on at full speed from
-      the start, cannot yet be within the safety margin of them. They are aimed at its way and then stand in it, at the
-      latest moment that this allows: who trusts a scan older than it says drives into them.
+      that stands longer than its window. So walkers move only where the robot, at full speed from its first decision
+      that knows of any scan, cannot yet be within the safety margin of them. They are aimed at its way and then stand
+      in it, from the latest moment that this allows: who trusts a scan older than it says drives into them.
     - *A frozen device whose last good scan is lost too* cannot be told from a working one: nothing else happens to a
       sensor while it is frozen or just before.
     - *A clock that is ahead by less than its scans are old when they are taken* cannot be noticed. Clocks are ahead by
@@ -93,16 +94,17 @@ def _hall(draws: Draws) -> Scene:
             safety_margin=0.5,
             sensors=_sensors(draws, width, depth),
             obstacles=_obstacles(draws, width, depth),
-            boundary_speed=0.0 if still else _between(draws, 0.15, min(0.4, 0.6 * speed)),
+            boundary_speed=0.0 if still else _between(draws, 0.15, min(0.5, 0.6 * speed)),
             time_limit=150.0,
         )
         ends = _way(draws, scene)
         if ends is not None:
             start, target = ends
-            heading = math.radians(_between(draws, -180.0, 180.0, 0))
-            return replace(
-                scene, robots=(RobotScene("robot_1", start, heading, target, speed, 2.0 * speed, 0.25),)
-            )
+            heading = math.atan2(target[1] - start[1], target[0] - start[0])
+            heading += float(draws.choice([0.0, draws.uniform(-math.pi, math.pi)], p=(0.7, 0.3)))
+            heading = math.radians(round(math.degrees(heading)) % 360)
+            robot = RobotScene("robot_1", start, heading, target, speed, 2.0 * speed, 0.25)
+            return replace(scene, robots=(robot,))
     raise RuntimeError(f"no hall with a way for the robot in {_TRIES} tries")
 
 
@@ -130,7 +132,7 @@ def _sensor(draws: Draws, name: str, side: int, width: float, depth: float) -> S
         angle_min=-view / 2.0,
         noise="lms200",
         scan_period=period,
-        scan_offset=_between(draws, 0.0, 0.9 * period, 3),
+        scan_offset=_between(draws, 0.001, 0.9 * period, 3),
     )
 
 
@@ -168,41 +170,41 @@ def _walkers(draws: Draws, scene: Scene) -> tuple[Mover, ...]:
     if scene.boundary_speed == 0.0:
         return ()
     walkers: list[Mover] = []
-    for number in range(1, int(draws.integers(0, 3)) + 1):
+    for number in range(1, int(draws.choice(3, p=(0.2, 0.4, 0.4))) + 1):
         tries = (_walker(draws, scene, f"walker_{number}") for _ in range(_TRIES))
-        walkers += [next(walker for walker in tries if walker is not None)]
+        walkers += [walker for walker in tries if walker is not None][:1]
     return tuple(walkers)
 
 
 def _walker(draws: Draws, scene: Scene, name: str) -> Mover | None:
-    """Somebody who walks towards the way of the robot, by a detour perhaps, and stops in time, or None."""
+    """Somebody who walks to the way of the robot, by a bend perhaps, and arrives just in time; None if that fails."""
     (robot,) = scene.robots
-    _, _, width, depth = shapely.Polygon(scene.workspace).bounds
-    ends = np.array([robot.start, robot.target])
-    meeting = ends[0] + draws.uniform(0.2, 1.1) * (ends[1] - ends[0]) + draws.normal(0.0, 0.3, 2)
-    corners = draws.uniform((0.5, 0.5), (width - 0.5, depth - 0.5), (int(draws.integers(1, 3)), 2))
-    way = np.clip(np.concatenate((corners, [meeting])), 0.3, np.array([width, depth]) - 0.3).round(2)
-    speed = round(float(draws.choice([1.0, draws.uniform(0.5, 1.0)])) * scene.boundary_speed, 4)
-    legs = np.hypot(*np.diff(way, axis=0).T)
-    if legs.min() < 0.5:
+    start, way = np.array(robot.start), np.array(robot.target) - np.array(robot.start)
+    meeting = start + draws.uniform(0.25, 0.95) * way + draws.normal(0.0, 0.2, 2)
+    apart = _WALKER + scene.safety_margin + _AHEAD
+    walked = scene.sampling_interval + (float(np.hypot(*(meeting - start))) - apart) / robot.speed  # [s]
+    speed = float(draws.choice([1.0, draws.uniform(0.5, 1.0)])) * scene.boundary_speed
+    length, share = walked * speed, draws.choice([1.0, draws.uniform(0.3, 0.9)])
+    first = draws.uniform(0.0, 2.0 * math.pi)
+    turned = first + draws.uniform(-2.0, 2.0)
+    bend = meeting + share * length * np.array([math.cos(first), math.sin(first)])
+    begin = bend + (1.0 - share) * length * np.array([math.cos(turned), math.sin(turned)])
+    corners = np.array([begin, bend, meeting] if share < 1.0 else [bend, meeting])
+    points = tuple((float(x), float(y)) for x, y in corners.round(3))
+    inside = np.clip(corners, 0.3, scene.workspace.max(axis=0) - 0.3) == corners
+    if walked < _SHORTEST_WALK or not inside.all():
         return None
-    body = Circle(0.0, 0.0, _WALKER)
-    walker = Mover(name, body, tuple((float(x), float(y)) for x, y in way), min(speed, scene.boundary_speed))
-    times = np.arange(0.0, legs.sum() / speed, 0.02)
-    gap = np.hypot(*(mover_positions(walker, times) - ends[0]).T) - _WALKER - scene.safety_margin
-    late = np.flatnonzero(gap < robot.speed * (times + 0.02) + _AHEAD)
-    walked = times[late[0]] - 0.02 if late.size else times[-1]
-    return _cut(walker, legs, walked * speed) if walked >= _SHORTEST_WALK else None
+    walker = Mover(name, Circle(0.0, 0.0, _WALKER), points, math.floor(1e4 * speed) / 1e4)
+    legs = np.hypot(*np.diff(np.array(points), axis=0).T)
+    times = np.linspace(0.0, legs.sum() / walker.speed, 400)
+    driven = robot.speed * np.maximum(0.0, times - scene.sampling_interval)
+    gap = np.hypot(*(mover_positions(walker, times) - start).T) - _WALKER - driven
+    return walker if legs.min() > 0.1 and gap.min() > scene.safety_margin else None
 
 
-def _cut(walker: Mover, legs: np.ndarray, length: float) -> Mover | None:
-    """The walker, who stays where the length [m] of the way ends."""
-    marks = np.concatenate(([0.0], np.cumsum(legs)))
-    last = int(np.searchsorted(marks, length))
-    if length - marks[last - 1] < 0.05:
-        return None
-    (end,) = mover_positions(walker, length / walker.speed).tolist()
-    return replace(walker, waypoints=(*walker.waypoints[:last], (end[0], end[1])))
+def _stop_time(walker: Mover) -> float:
+    """When a walker stands [s]."""
+    return float(np.hypot(*np.diff(np.array(walker.waypoints), axis=0).T).sum()) / walker.speed
 
 
 @dataclass
@@ -222,15 +224,14 @@ class _Plan:
 
 def _fault_plan(draws: Draws, kinds: Sequence[str], scene: Scene) -> list[tuple[Fault, ...]]:
     """Faults of every kind on random sensors at random times."""
-    (robot,) = scene.robots
-    drive, sensors = math.dist(robot.start, robot.target) / robot.speed, len(scene.sensors)
+    sensors = len(scene.sensors)
     plans = [_Plan([]) for _ in range(sensors)]
     for kind in sorted(kinds, key=lambda kind: (kind != "frozen", kind == "clock_offset")):
         severe = draws.random() < _SEVERE
         count = sensors if severe else int(draws.integers(1, max(2, sensors // 2 + 1)))
-        window = _window(draws, drive)
+        window = _window(draws, scene)
         for index in draws.permutation(sensors)[:count].tolist():
-            begin, end = window if severe else _window(draws, drive)
+            begin, end = window if severe else _window(draws, scene)
             if kind == "frozen" and len(kinds) > 1:
                 end = min(end, begin + _LONGEST_FAULT)  # something else shall happen to the sensor afterwards
             plan = plans[index]
@@ -240,11 +241,15 @@ def _fault_plan(draws: Draws, kinds: Sequence[str], scene: Scene) -> list[tuple[
     return [tuple(plan.faults) for plan in plans]
 
 
-def _window(draws: Draws, drive: float) -> tuple[float, float]:
-    """Begin while the robot drives; end a little later, or never [s]."""
-    begin = float(draws.uniform(0.3, drive))
+def _window(draws: Draws, scene: Scene) -> tuple[float, float]:
+    """Begin while the robot drives, if somebody walks often while that one comes; end a little later, or never [s]."""
+    (robot,) = scene.robots
+    begin = float(draws.uniform(0.3, math.dist(robot.start, robot.target) / robot.speed))
+    if scene.movers and draws.random() < _WHILE_SOMEBODY_COMES:
+        stops = _stop_time(scene.movers[int(draws.integers(len(scene.movers)))])
+        begin = max(0.3, stops - float(draws.uniform(0.5, 5.0)))
     return begin, math.inf if draws.random() < _FOR_EVER else begin + float(
-        draws.uniform(0.5, _LONGEST_FAULT)
+        draws.uniform(1.0, _LONGEST_FAULT)
     )
 
 

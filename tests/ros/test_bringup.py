@@ -19,7 +19,7 @@ from snnav_ros.bringup import BringupError, run_scene
 from snnav_ros.domain import free_domain
 from snnav_ros.processes import ChildProcesses
 from snnav_sim.report.record import RunRecord
-from snnav_sim.scene import Scene, find_scene, load_scene
+from snnav_sim.scene import Circle, Fault, Mover, Scene, find_scene, load_scene
 from snnav_sim.simulation import simulate
 
 HELLO = load_scene(find_scene("hello"))
@@ -31,6 +31,32 @@ def two_robots() -> Scene:
     first = replace(first, start=(1.2, 4.6), target=(8.8, 4.6))
     second = replace(first, id="robot_2", start=(8.6, 1.0), target=(1.2, 4.0), heading=np.pi)
     return replace(HELLO, robots=(first, second))
+
+
+def shaky() -> Scene:
+    """Somebody walks by, scanners on the floor at rates of their own, each with faults."""
+    west, east = HELLO.sensors
+    faults = (
+        Fault("delay", 1.0, 5.0, 0.5, seconds=0.2, jitter=0.7),
+        Fault("nan", 2.0, 3.0, share=0.1),
+        Fault("duplicate", probability=0.3),
+        Fault("reorder", 4.0, probability=0.5),
+    )
+    others = (
+        Fault("drop_out", 1.5, 2.6),
+        Fault("frozen", 4.0, 5.0),
+        Fault("beam_count", 6.0, 7.0, change=-7),
+        Fault("clock_offset", 7.0, 8.0, seconds=0.8),
+        Fault("zero", 8.0, 9.0, share=0.1),
+    )
+    sensors = (
+        replace(west, scan_period=0.3, scan_offset=0.02, sees_robots=True, faults=faults),
+        replace(east, scan_period=0.23, sees_robots=True, faults=others),
+    )
+    walker = Mover("walker", Circle(0.0, 0.0, 0.2), ((1.5, 5.5), (8.5, 5.5)), 0.1, True)
+    return replace(
+        HELLO, sensors=sensors, movers=(walker,), obstacles=(), boundary_speed=0.1, time_limit=12.0
+    )
 
 
 def same_run(one: RunRecord, other: RunRecord) -> bool:
@@ -48,6 +74,19 @@ def test_same_seed_same_paths_with_and_without_ros(scene: Scene) -> None:
     assert same_run(first, simulate(scene))
     assert len(first.planner_seconds) == len(first.fusion_seconds) == len(first.decisions) / len(scene.robots)
     assert first.versions["rmw"].startswith("rmw_")
+
+
+@pytest.mark.parametrize("processes", [False, True])
+def test_faulty_scanners_give_the_same_paths_with_and_without_ros(processes: bool) -> None:
+    scene = shaky()
+    alone = simulate(scene)
+    assert sum(decision.path is not None for decision in alone.decisions) > 5
+    assert set(alone.rejected) == {"lms_west", "lms_east"}
+    through_nodes = run_scene(scene, processes=processes)
+    assert same_run(through_nodes, alone)
+    assert [time for time, _ in through_nodes.areas] == [time for time, _ in alone.areas]
+    for (_, one), (_, other) in zip(through_nodes.areas, alone.areas, strict=True):
+        assert one.equals(other)
 
 
 def test_other_executor_gives_the_same_paths(monkeypatch: pytest.MonkeyPatch) -> None:

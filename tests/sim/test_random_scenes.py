@@ -1,4 +1,4 @@
-"""The random halls of the faulty runs: valid, reproducible, fair to the robot, and faulty as asked."""
+"""The random halls of the faulty runs (tests/system): valid, reproducible, fair to the robot, faulty as asked."""
 
 from __future__ import annotations
 
@@ -11,12 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snnav_core.types import StopReason
 from snnav_sim.random_scenes import faulty_scene
 from snnav_sim.scene import Circle, Fault, Scene, dump_scene, parse_scene
 from snnav_sim.scene_faults import FAULT_KINDS
-from snnav_sim.simulation import simulate
-from snnav_sim.world import World, mover_positions
+from snnav_sim.world import mover_positions
 
 seeds = st.integers(0, 10_000)
 some_kinds = st.lists(st.sampled_from(sorted(FAULT_KINDS)), min_size=1, unique=True)
@@ -54,16 +52,18 @@ def test_the_same_seed_gives_the_same_scene_and_the_kinds_change_the_faults_only
 
 @given(seeds)
 def test_walkers_never_come_near_a_robot_whatever_it_does(seed: int) -> None:
-    """While one moves, the robot cannot have driven to within the margin of it, on whatever way."""
+    """While one moves, the robot cannot have driven to within the margin of it; it knows nothing at time 0."""
     scene = faulty_scene(seed)
     (robot,) = scene.robots
+    assert all(sensor.scan_offset > 0.0 for sensor in scene.sensors)
     for walker in scene.movers:
         assert walker.speed <= scene.boundary_speed
         assert isinstance(walker.shape, Circle)
         legs = [math.dist(*leg) for leg in pairwise(walker.waypoints)]
         times = np.linspace(0.0, sum(legs) / walker.speed, 500)
         apart = np.hypot(*(mover_positions(walker, times) - np.array(robot.start)).T)
-        gap = apart - walker.shape.radius - robot.speed * times
+        driven = robot.speed * np.maximum(0.0, times - scene.sampling_interval)
+        gap = apart - walker.shape.radius - driven
         assert gap.min() >= scene.safety_margin
 
 
@@ -89,7 +89,7 @@ def test_there_are_halls_of_every_sort() -> None:
     assert any(scene.boundary_speed == 0.0 for scene in scenes)
     alone = [faulty_scene(seed, ["drop_out"]) for seed in range(60)]
     struck = [sum(bool(sensor.faults) for sensor in scene.sensors) / len(scene.sensors) for scene in alone]
-    assert 5 < struck.count(1.0) < 30, "in some, all sensors at once"
+    assert 15 < struck.count(1.0) < 45, "in some, all sensors at once"
     ends = [fault.end for scene in alone for fault in all_faults(scene)]
     assert 0 < sum(math.isinf(end) for end in ends) < len(ends) / 4
 
@@ -97,14 +97,3 @@ def test_there_are_halls_of_every_sort() -> None:
 def test_an_unknown_kind_is_named() -> None:
     with pytest.raises(ValueError, match="kind 'lost' is not known; give some of drop_out, delay"):
         faulty_scene(1, ["lost"])
-
-
-@pytest.mark.parametrize("kind", FAULT_KINDS)
-def test_the_robot_ends_for_a_typed_reason_and_keeps_its_margin(kind: str) -> None:
-    """One hall for every kind; the long series is among the tests of the system."""
-    scene = faulty_scene(7, [kind])
-    record = simulate(scene)
-    rows = record.trajectory("robot_1")
-    clearance = World(scene).obstacle_clearance(rows[:, 1:3], rows[:, 0])
-    assert clearance.min() >= scene.safety_margin
-    assert record.decisions[-1].reason in {reason.value for reason in StopReason}
