@@ -127,9 +127,14 @@ class RobotHiding:
         fan, kept = part.fan, self._kept.get(part.sensor_id)
         if kept is None or not _same_beams(fan, kept) or len(beams) == 0:
             return fan
+        longer = beams[kept.free[beams] > fan.free[beams]]
         free: FloatArray = fan.free.copy()
-        free[beams] = np.maximum(free[beams], kept.free[beams])
-        return replace(fan, free=free)
+        free[longer] = kept.free[longer]
+        if fan.surface is None or kept.surface is None:
+            return replace(fan, free=free)
+        surface: FloatArray = fan.surface.copy()
+        surface[longer] = kept.surface[longer]
+        return replace(fan, free=free, surface=surface)
 
 
 def _same_beams(first: BeamFan, second: BeamFan) -> bool:

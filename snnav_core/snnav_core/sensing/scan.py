@@ -261,7 +261,9 @@ def detect_planar(
         raise InvalidInput(f"sensor {sensor_id!r}: pose is {pose}, must be finite")
     classes = _classify(scan, settings)
     free = _free_lengths(scan, classes, settings)
-    fan = BeamFan(free, scan.angle_min, scan.angle_increment, settings.jump_ratio, settings.jump_distance)
+    surface = np.where(classes <= _CUT, scan.ranges, np.where(classes == _INF_FREE, np.inf, 0.0))
+    limits = settings.jump_ratio, settings.jump_distance
+    fan = BeamFan(free, scan.angle_min, scan.angle_increment, *limits, surface=surface)
     beam = np.flatnonzero(classes <= _CUT)
     angles = pose.heading + scan.angles[beam]
     returns = pose.position + scan.ranges[beam, None] * np.column_stack((np.cos(angles), np.sin(angles)))

@@ -35,6 +35,9 @@ class BeamFan:
         Limits of a difference that counts as one surface [-], [m].
     measured : ndarray, shape (B,), optional
         The free lengths before beams were shortened [m]: what jumped then is no surface now.
+    surface : ndarray, shape (B,), optional
+        Distance of the surface that each beam measured, infinite without one [m]: a beam that ends free, at the limit
+        of the range, goes on behind no surface, however near the next return is.
     """
 
     free: FloatArray
@@ -43,6 +46,7 @@ class BeamFan:
     jump_ratio: float
     jump_distance: float
     measured: FloatArray | None = None
+    surface: FloatArray | None = None
 
     @property
     def increment(self) -> float:
@@ -61,16 +65,17 @@ class BeamFan:
     def is_jump(self, near: FloatArray, far: FloatArray) -> NDArray[np.bool_]:
         """Return whether neighbouring lengths [m] end on different surfaces."""
         limit = self.jump_ratio * np.minimum(near, far) * self.increment + self.jump_distance
-        return np.asarray(np.abs(near - far) > limit)
+        with np.errstate(invalid="ignore"):  # two beams without a surface do not differ
+            return np.asarray(np.abs(near - far) > limit)
 
 
 def star_rings(fan: BeamFan, pose: Pose2D, corners: bool = True) -> tuple[FloatArray, ...]:
     """Return the outlines of the region that neighbouring beams enclose.
 
     Between two neighbouring beams lies a wedge. Where their free lengths a and b differ by more than
-    ``jump_ratio * min(a, b) * |angle_increment| + jump_distance`` the wedge ends at the shorter one, else at
-    the chord between both; surfaces that go on between the beams cap it (`continue_surfaces`). A wedge beside a beam of
-    free length 0 is not seen at all.
+    ``jump_ratio * min(a, b) * |angle_increment| + jump_distance``, or the distances of the surfaces that they measured
+    do, the wedge ends at the shorter one, else at the chord between both; surfaces that go on between the beams cap it
+    (`continue_surfaces`). A wedge beside a beam of free length 0 is not seen at all.
 
     Parameters
     ----------
@@ -94,15 +99,16 @@ def star_rings(fan: BeamFan, pose: Pose2D, corners: bool = True) -> tuple[FloatA
     increment = fan.increment
     free = _fold_overlap(fan.ascending(fan.free), increment)
     measured = free if fan.measured is None else _fold_overlap(fan.ascending(fan.measured), increment)
+    surface = measured if fan.surface is None else _fold_overlap(fan.ascending(fan.surface), increment)
     closed = _TURN - (free.size - 1) * increment <= _CLOSING_GAP * increment
     angles = pose.heading + fan.first_direction + increment * np.arange(free.size)
     directions = np.column_stack((np.cos(angles), np.sin(angles)))
     if closed:
-        free, measured = np.append(free, free[0]), np.append(measured, measured[0])
+        free, measured, surface = (np.append(one, one[0]) for one in (free, measured, surface))
         directions = np.vstack((directions, directions[:1]))
     near, far = free[:-1], free[1:]
     shorter = np.minimum(near, far)
-    jump_measured = fan.is_jump(measured[:-1], measured[1:])
+    jump_measured = fan.is_jump(measured[:-1], measured[1:]) | fan.is_jump(surface[:-1], surface[1:])
     jump = fan.is_jump(near, far) | jump_measured
     lengths = np.column_stack((np.where(jump, shorter, near), np.where(jump, shorter, far)))
     middle, found = np.zeros((len(jump), 2)), np.zeros(len(jump), dtype=np.bool_)
@@ -184,8 +190,10 @@ def shorten_fan(
     offset = obstacles - pose.position
     distance = np.hypot(offset[:, 0], offset[:, 1])
     bearing = np.arctan2(offset[:, 1], offset[:, 0]) - pose.heading - fan.first_direction
+    surface = fan.free if fan.surface is None else fan.surface
     shortened, inside = _shorten(
         np.ascontiguousarray(fan.ascending(fan.free)),
+        np.ascontiguousarray(fan.ascending(surface)),
         fan.increment,
         fan.jump_ratio,
         fan.jump_distance,
@@ -197,7 +205,7 @@ def shorten_fan(
 
 
 @numba.njit(cache=True)
-def _shorten(free, increment, jump_ratio, jump_distance, distance, bearing, depth):  # type: ignore[no-untyped-def]
+def _shorten(free, surface, increment, jump_ratio, jump_distance, distance, bearing, depth):  # type: ignore[no-untyped-def]
     result = free.copy()
     inside = np.zeros(distance.shape[0])
     beams = free.shape[0]
@@ -213,6 +221,9 @@ def _shorten(free, increment, jump_ratio, jump_distance, distance, bearing, dept
         if shorter <= 0.0:
             continue
         jumps = abs(near - far) > jump_ratio * shorter * increment + jump_distance
+        if surface[k] != surface[following]:  # both may be infinite
+            nearer = min(surface[k], surface[following])
+            jumps |= abs(surface[k] - surface[following]) > jump_ratio * nearer * increment + jump_distance
         if jumps:
             near = far = shorter
         angle = (place - k) * increment

@@ -376,3 +376,20 @@ def test_a_scan_keeps_its_own_ranges() -> None:
     ranges[:] = 7.0
     assert scan.ranges.tolist() == [1.0] * 10
     assert not scan.ranges.flags.writeable
+
+
+@pytest.mark.parametrize(("range_cut", "beyond"), [(None, np.inf), (8.0, 30.0)])
+def test_a_beam_that_ends_free_goes_on_behind_no_surface(range_cut: float | None, beyond: float) -> None:
+    """A corner just inside the range limit: the chord from the last return to the limit would cut it off."""
+    angles = np.radians(np.arange(-10.0, 10.5, 0.5))
+    ranges = np.where(angles > 0.0, beyond, 7.9)
+    scan = PlanarScan(
+        0.0, ranges, float(angles[0]), math.radians(0.5), 0.0, 8.0 if range_cut is None else 80.0
+    )
+    settings = ScanSettings(inf_is_free=True, range_cut=range_cut)
+    part = detect_planar("a", scan, Pose2D(0.0, 0.0, 0.0), settings)
+    between = math.radians(0.45)
+    point = shapely.Point(7.95 * math.cos(between), 7.95 * math.sin(between))
+    assert not part.polygon.buffer(-1e-3).intersects(point)
+    behind = math.radians(1.0)
+    assert part.polygon.buffer(1e-3).contains(shapely.Point(7.99 * math.cos(behind), 7.99 * math.sin(behind)))
