@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from snnav_sim.scene_faults import FAULT_KINDS
 from snnav_sim.scene_types import Circle, Fault, Mover, Point, Polygon, RobotScene, Scene, SensorScene, Shape
@@ -149,11 +150,15 @@ def _obstacles(draws: Draws, width: float, depth: float) -> tuple[Shape, ...]:
     return tuple(shapes)
 
 
+def _safe_region(scene: Scene) -> BaseGeometry:
+    """Where a robot is safe for a whole window, and a little more [m, map]."""
+    reach = scene.boundary_speed * scene.time_window * scene.sampling_interval
+    return World(scene).true_unoccupied_area().buffer(-(scene.safety_margin + reach + _RESERVE))
+
+
 def _way(draws: Draws, scene: Scene) -> tuple[Point, Point] | None:
     """Start and target in one piece of what can safely be driven on, or None."""
-    reach = scene.boundary_speed * scene.time_window * scene.sampling_interval
-    safe = World(scene).true_unoccupied_area().buffer(-(scene.safety_margin + reach + _RESERVE))
-    parts = [part for part in shapely.get_parts(safe) if part.area > 1.0]
+    parts = [part for part in shapely.get_parts(_safe_region(scene)) if part.area > 1.0]
     if not parts:
         return None
     part = max(parts, key=shapely.area)
@@ -172,8 +177,17 @@ def _walkers(draws: Draws, scene: Scene) -> tuple[Mover, ...]:
     walkers: list[Mover] = []
     for number in range(1, int(draws.choice(3, p=(0.2, 0.4, 0.4))) + 1):
         tries = (_walker(draws, scene, f"walker_{number}") for _ in range(_TRIES))
-        walkers += [walker for walker in tries if walker is not None][:1]
+        found = next((walker for walker in tries if walker is not None), None)
+        if found is not None and _target_is_free(scene, [*walkers, found]):
+            walkers.append(found)
     return tuple(walkers)
+
+
+def _target_is_free(scene: Scene, walkers: Sequence[Mover]) -> bool:
+    """Whether the target is as safe as the halls demand it while walkers stand where they end, shadows included."""
+    bodies = tuple(Circle(*walker.waypoints[-1], _WALKER) for walker in walkers)
+    safe = _safe_region(replace(scene, obstacles=scene.obstacles + bodies))
+    return bool(safe.contains(shapely.Point(scene.robots[0].target)))
 
 
 def _walker(draws: Draws, scene: Scene, name: str) -> Mover | None:
