@@ -7,6 +7,7 @@ import time
 from collections import deque
 from typing import Any
 
+import shapely
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry, Path
@@ -181,6 +182,7 @@ class RobotNode(ManagedNode):
 
     def _obey(self, order: Order | None) -> None:
         if order is not None:
+            order = self._from_here(order)
             heading = None
             if order.refusal:
                 self._refuse(order.cause, order.refusal)
@@ -195,6 +197,21 @@ class RobotNode(ManagedNode):
             self._valid_until = order.valid_until
             self._deadline = _steady() + order.valid_until - seconds(self._now())
         self._drive_when_complete()
+
+    def _from_here(self, order: Order) -> Order:
+        """The order, or a refusal when its path passes the robot farther away than it drives in an interval.
+
+        The certificate holds for a robot on its path; one that was set elsewhere, or whose odometry was, is not.
+        """
+        if order.path is None or self._pose is None:
+            return order
+        position = shapely.points(self._pose[1].position)
+        away = float(shapely.distance(shapely.linestrings(order.path.points[:, :2]), position))
+        most = max(self.spec.speed * self.settings.sampling_interval, self.spec.radius)
+        if away <= most:
+            return order
+        text = f"the path passes {away:.2f} m from the robot, allowed {most:.2f} m; check its odometry"
+        return Order(None, refusal=text, cause="elsewhere")
 
     def _refuse(self, cause: str, text: str, *, logged: bool = False) -> None:
         """Note why the robot stops, and say it once until it drives again."""

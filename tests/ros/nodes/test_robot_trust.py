@@ -433,3 +433,16 @@ def test_window_of_the_wall_is_kept(graph: Any, monkeypatch: pytest.MonkeyPatch)
     assert max(stamps) <= cart.node._valid_until + 0.06  # odometry of a motion is stamped at its end
     assert cart.x - 1.0 <= 0.5 * 0.6 + 1e-6
     assert math.isfinite(cart.node._valid_until)
+
+
+def test_a_path_from_elsewhere_is_refused_and_the_next_one_from_here_is_followed(graph: Any) -> None:
+    cart = CartOfTicks(graph)
+    cart.run(2)
+    cart.drive()
+    stamp = nanoseconds(cart.now)
+    cart.send(*certified(cart.now, x=8.0))
+    graph.until(lambda: cart.node._gate.complete(stamp), "path and certificate")
+    cart.run(2)
+    assert cart.speed == 0.0
+    assert any("from the robot, allowed 0.30 m; check its odometry" in text for text in cart.said())
+    cart.drive()
