@@ -103,7 +103,8 @@ class AreaFusion:
         if sensor is None:
             raise InvalidInput(f"scan of unknown sensor {sensor_id!r}; known: {sorted(self.sensors)}")
         last = self._latest.get(sensor_id)
-        if is_repeated(sensor, scan, last, now, self.settings.clock_tolerance) and last is not None:
+        before = None if last is None else last[0]
+        if is_repeated(sensor, scan, before, now, self.settings.clock_tolerance) and last is not None:
             return last[1]
         if last is not None and same_ranges(last[0], scan):
             detected = last[1]

@@ -6,7 +6,7 @@ import numpy as np
 
 from snnav_core.area.settings import PlanarSensor
 from snnav_core.errors import InvalidInput
-from snnav_core.sensing.scan import DetectedArea, PlanarScan
+from snnav_core.sensing.scan import PlanarScan
 
 __all__ = ["TIME_TOLERANCE", "check_clock", "is_repeated", "same_ranges"]
 
@@ -19,7 +19,7 @@ _TELLING_RETURNS = 100  # measured distances that noise never repeats all at onc
 def is_repeated(
     sensor: PlanarSensor,
     scan: PlanarScan,
-    last: tuple[PlanarScan, DetectedArea] | None,
+    before: PlanarScan | None,
     now: float | None,
     clock_tolerance: float,
 ) -> bool:
@@ -30,7 +30,7 @@ def is_repeated(
     sensor : PlanarSensor
     scan : PlanarScan
         As it came.
-    last : (PlanarScan, DetectedArea) or None
+    before : PlanarScan or None
         What was taken last from this sensor.
     now : float or None
         Time at its arrival [s]; None where there is no clock to compare with.
@@ -44,9 +44,8 @@ def is_repeated(
         if a device that never repeats itself does.
     """
     check_clock(f"scan of {sensor.id}", scan.stamp, now, clock_tolerance)
-    if last is None:
+    if before is None:
         return False
-    before, detected = last
     if scan.stamp < before.stamp - TIME_TOLERANCE:
         raise InvalidInput(
             f"scan of {sensor.id} stamped {scan.stamp:.3f} s is older than its last ({before.stamp:.3f} s): ignored"
@@ -59,13 +58,25 @@ def is_repeated(
                 "ignored; each measurement needs its own stamp"
             )
         return True
-    measured = detected.counts.returned + detected.counts.cut
-    if same and sensor.settings.never_repeats and measured >= _TELLING_RETURNS:
+    if sensor.settings.never_repeats and (repeated := _repeated_returns(before, scan)) >= _TELLING_RETURNS:
         raise InvalidInput(
             f"scan of {sensor.id} stamped {scan.stamp:.3f} s is frozen: all ranges are those of {before.stamp:.3f} s, "
-            f"{measured} returns; restart the device, or set never_repeats to false for one without noise"
+            f"{repeated} returns; restart the device, or set never_repeats to false for one without noise"
         )
     return False
+
+
+def _repeated_returns(first: PlanarScan, second: PlanarScan) -> int:
+    """Number of beams that returned in both scans, if all of them measured the same; else 0.
+
+    Beams that one of the scans lost tell nothing: a frozen device may lose beams on the way all the same.
+    """
+    if first.ranges.shape != second.ranges.shape:
+        return 0
+    both = np.ones(first.ranges.shape, dtype=np.bool_)
+    for scan in (first, second):
+        both &= (scan.ranges > 0.0) & (scan.ranges <= scan.range_max)
+    return int(both.sum()) if np.array_equal(first.ranges[both], second.ranges[both]) else 0
 
 
 def check_clock(what: str, stamp: float, now: float | None, tolerance: float) -> None:
