@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon
 
+from snnav_core.area.overlay import difference
 from snnav_core.area.planar import UnoccupiedArea, as_multipolygon
 from snnav_core.area.settings import FusionSettings
 from snnav_core.sensing.scan import DetectedArea
@@ -84,7 +85,7 @@ def cut_returns(
     if not inside.any():
         return union
     obstacles = shapely.buffer(shapely.multipoints(returns[inside]), settings.return_radius, quad_segs=1)
-    return _without_crumbs(as_multipolygon(shapely.difference(union, obstacles)), settings.least_part)
+    return _without_crumbs(as_multipolygon(difference(union, obstacles)), settings.least_part)
 
 
 def _all_returns(detected: Sequence[DetectedArea]) -> FloatArray:

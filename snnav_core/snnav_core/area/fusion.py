@@ -8,7 +8,6 @@ from itertools import groupby
 from operator import itemgetter
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon
 from shapely.geometry.base import BaseGeometry
@@ -18,6 +17,7 @@ from snnav_core.area.hiding import RobotHiding
 from snnav_core.area.history import SeenHistory
 from snnav_core.area.intake import TIME_TOLERANCE, check_clock, is_repeated, same_ranges
 from snnav_core.area.memory import remember
+from snnav_core.area.overlay import union, union_all
 from snnav_core.area.planar import LostPart, UnoccupiedArea, as_multipolygon, shrink
 from snnav_core.area.settings import FusionSettings, PlanarSensor
 from snnav_core.errors import InvalidInput
@@ -176,9 +176,7 @@ class AreaFusion:
             region = remember(known.region, MultiPolygon(), time - known.stamp, self.settings.boundary_speed)
             disks = self._disks(time, [region])
             if disks:
-                region = cut_returns(
-                    as_multipolygon(shapely.union_all([region, *disks])), parts, self.settings
-                )
+                region = cut_returns(as_multipolygon(union_all([region, *disks])), parts, self.settings)
             self._area = UnoccupiedArea(time, region, self._agreed[2], lost)
         else:
             self._area = known if known is not before else known.restamped(time, self._agreed[2], lost)
@@ -196,7 +194,7 @@ class AreaFusion:
         region, at = (known.region, known.stamp) if known is not None and remembers else (None, -math.inf)
         late = [group for group in groups if group[0] < at]
         if region is not None and late:
-            region = as_multipolygon(shapely.union(region, self._fold(None, at, [*late, (at, [])])))
+            region = as_multipolygon(union(region, self._fold(None, at, [*late, (at, [])])))
         region = self._fold(region, at, groups[len(late) :])
         at = max(at, groups[-1][0]) if groups else time
         return UnoccupiedArea(at, cut_returns(region, self._agreed[0], self.settings), found, lost)
@@ -243,7 +241,7 @@ class AreaFusion:
         """Go through groups: what was known to be free at a time shrinks until the next, which is added."""
         for stamp, pieces in groups:
             if not _identical(pieces, self._union[0]):
-                self._union = (pieces, as_multipolygon(shapely.union_all(pieces)))
+                self._union = (pieces, as_multipolygon(union_all(pieces)))
             union = self._union[1]
             self._nothing_remembered = True
             if region is not None:

@@ -8,6 +8,7 @@ import shapely
 from shapely.geometry import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
+from snnav_core.area.overlay import union
 from snnav_core.area.planar import as_multipolygon, shrink
 from snnav_core.errors import InvalidInput
 
@@ -64,12 +65,12 @@ def remember(
                 f"{name} is {value} {unit}, must be a number >= 0; reset the memory after a jump of time"
             )
     reach = elapsed * boundary_speed
-    united = as_multipolygon(shapely.union(current_region, shrink(previous_region, reach)))
+    united = as_multipolygon(union(current_region, shrink(previous_region, reach)))
     limit = _VERTEX_FACTOR * shapely.get_num_coordinates(current_region) + _VERTEX_BASE
     tolerance = _FIRST_TOLERANCE * reach
     while tolerance > 0.0 and shapely.get_num_coordinates(united) > limit:
         # simplification moves the outline by up to twice its tolerance (at the start of a ring)
         kept = shapely.simplify(shrink(previous_region, reach + 2.0 * tolerance), tolerance)
-        united = as_multipolygon(shapely.union(current_region, kept))
+        united = as_multipolygon(union(current_region, kept))
         tolerance *= 4.0
     return united

@@ -13,6 +13,7 @@ from shapely.geometry import MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from snnav_core.area.clearance import ClearanceField
+from snnav_core.area.overlay import difference, intersection, union_all
 from snnav_core.errors import InvalidInput
 from snnav_core.sensing.thinning import thin_ring
 from snnav_core.types import FloatArray
@@ -30,7 +31,10 @@ __all__ = [
 
 _FINE, _COARSE = 16, 8  # segments of a quarter circle: below 1 m, where passages are narrow, and above
 _MANY_VERTICES = 6000
-_SLIT_VERTICES, _SLIT_LENGTH = 600, 12.0  # an outline longer than this times the root of its area goes to and fro
+_SLIT_VERTICES, _SLIT_LENGTH = (
+    600,
+    12.0,
+)  # an outline longer than this times the root of its area goes to and fro
 _PIECE = 16  # boundary segments
 
 
@@ -171,7 +175,7 @@ def shrink(geometry: BaseGeometry, distance: float) -> MultiPolygon:
     if distance <= 0.0:
         return as_multipolygon(geometry)
     if _is_ragged(geometry):
-        return as_multipolygon(shapely.difference(geometry, _boundary_band(geometry, distance)))
+        return as_multipolygon(difference(geometry, _boundary_band(geometry, distance)))
     return as_multipolygon(geometry.buffer(-_outside(distance), quad_segs=_segments(distance)))
 
 
@@ -213,7 +217,7 @@ def _boundary_band(geometry: BaseGeometry, distance: float) -> BaseGeometry:
             for begin in range(0, len(points) - 1, _PIECE)
         ]
     bands = shapely.buffer(np.array(pieces), _outside(distance), quad_segs=_segments(distance))
-    return shapely.union_all(bands)
+    return union_all(bands)
 
 
 def grow(geometry: BaseGeometry, distance: float) -> BaseGeometry:
@@ -257,7 +261,7 @@ def _thinned(region: BaseGeometry, tolerance: float) -> BaseGeometry:
         polygons.append(Polygon(exterior, holes))
     thinned = MultiPolygon(polygons)
     # A chord that replaces points may touch another ring: what both enclose counts as free then.
-    return thinned if thinned.is_valid else shapely.intersection(shapely.make_valid(thinned), region)
+    return thinned if thinned.is_valid else intersection(shapely.make_valid(thinned), region)
 
 
 def component_at(region: MultiPolygon, point: FloatArray) -> Polygon | None:
@@ -287,4 +291,4 @@ def remove_disks(region: MultiPolygon, centres: FloatArray, radii: FloatArray) -
         _outside(np.asarray(radii, dtype=np.float64), _COARSE),
         quad_segs=_COARSE,
     )
-    return as_multipolygon(shapely.difference(region, shapely.union_all(disks)))
+    return as_multipolygon(difference(region, union_all(disks)))

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from snnav_core.area.overlay import difference, intersection, union_all
 from snnav_core.area.planar import LostPart, UnoccupiedArea, as_multipolygon
 from snnav_core.errors import PlanningError
 from snnav_core.navigator.attempt import Attempt
@@ -118,13 +119,13 @@ class Explainer:
         width = route.distance
         if stop.reason is StopReason.NO_PATH:
             width = max(width, float(attempt.distances.demanded()[-1]))
-        beside = shapely.difference(shapely.buffer(way, width), attempt.context.area.region)
-        return [part for part in seen if shapely.intersection(beside, part.region).area > _LEAST_AREA]
+        beside = difference(shapely.buffer(way, width), attempt.context.area.region)
+        return [part for part in seen if intersection(beside, part.region).area > _LEAST_AREA]
 
     def _context(self, present: AreaContext, lost: tuple[LostPart, ...]) -> AreaContext:
         """The area as if silent sensors still saw what they saw last; kept for the robots of one step."""
         if self._restored is None or self._restored[0] != present.digest or self._restored[1] != lost:
-            region = shapely.union_all([present.area.region, *(part.region for part in lost)])
+            region = union_all([present.area.region, *(part.region for part in lost)])
             area = UnoccupiedArea(present.area.stamp, as_multipolygon(region))
             self._restored = (present.digest, lost, AreaContext(area, present.simplification))
         return self._restored[2]
