@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from itertools import groupby
-from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +14,7 @@ from snnav_core.area.hiding import RobotHiding
 from snnav_core.area.history import SeenHistory
 from snnav_core.area.intake import TIME_TOLERANCE, check_clock, is_repeated, same_ranges
 from snnav_core.area.memory import remember
-from snnav_core.area.overlay import union, union_all
+from snnav_core.area.overlay import union_all
 from snnav_core.area.planar import LostPart, UnoccupiedArea, as_multipolygon, shrink
 from snnav_core.area.settings import FusionSettings, PlanarSensor
 from snnav_core.errors import InvalidInput
@@ -28,10 +25,6 @@ __all__ = ["AreaFusion", "FusionSettings", "PlanarSensor"]
 
 _SAME_PLACE = 1e-6  # [m]; nothing moves less than this far
 _NO_AREA = 1e-6  # [m^2]
-_MOST_STAMPS = 4  # at each of them all that is known shrinks: 8 ms with twelve scanners
-
-
-_Group = tuple[float, list[BaseGeometry]]  # what was seen free at one time [s]
 
 
 class AreaFusion:
@@ -151,9 +144,11 @@ class AreaFusion:
     def area(self, time: float) -> UnoccupiedArea:
         """The unoccupied area at `time` [s]; empty when there is no scan.
 
-        Goes through what is new in the order of stamps: between two stamps what is known to be free shrinks by V_max
-        times the time between, then what was seen is added (memory, deviation C3-5). Without memory the same with the
-        latest scans alone; with V_max = 0 they show all there is.
+        What each scan saw is reduced by V_max times its age and added to what was known to be free at the last area,
+        reduced by V_max times the time since (memory, deviation C3-5). With V_max = 0 the latest scans show all.
+
+        Parts are reduced one by one, not their union: where they meet a little is lost, but a stamp may be older than
+        the measurement (a clock that is behind), and what was seen later must not cover for what was seen before.
 
         Raises
         ------
@@ -184,72 +179,48 @@ class AreaFusion:
 
     def _advanced(self, time: float, usable: list[str], lost: tuple[LostPart, ...]) -> UnoccupiedArea:
         """What is known to be free once all scans that are not yet part of it are added."""
-        known, groups = self._known, self._groups(time, usable)
+        known, pieces = self._known, self._new_pieces(time, usable)
         remembers, found = self.settings.remembers, self._agreed[2]
-        if known is not None and not groups and remembers:
+        if known is not None and not pieces and remembers:
             return known
-        if known is not None and len(groups) == 1 and self._shows_nothing_new(groups[0]):
-            stamp = groups[0][0]
-            return known.restamped(max(known.stamp, stamp) if remembers else stamp, found, lost)
-        region, at = (known.region, known.stamp) if known is not None and remembers else (None, -math.inf)
-        late = [group for group in groups if group[0] < at]
-        if region is not None and late:
-            region = as_multipolygon(union(region, self._fold(None, at, [*late, (at, [])])))
-        region = self._fold(region, at, groups[len(late) :])
-        at = max(at, groups[-1][0]) if groups else time
-        return UnoccupiedArea(at, cut_returns(region, self._agreed[0], self.settings), found, lost)
+        if known is not None and self._nothing_remembered and _identical(pieces, self._union[0]):
+            return known.restamped(time, found, lost)
+        region = self._with_memory(pieces, known if remembers else None, time)
+        return UnoccupiedArea(time, cut_returns(region, self._agreed[0], self.settings), found, lost)
 
-    def _shows_nothing_new(self, group: _Group) -> bool:
-        return self._nothing_remembered and _identical(group[1], self._union[0])
-
-    def _groups(self, time: float, usable: list[str]) -> list[_Group]:
-        """What scans that are not yet part of the known area saw, by the time for which it holds, oldest first.
-
-        Scans of more than four stamps are put together with the next ones, each reduced by what may have moved since.
-        """
+    def _new_pieces(self, time: float, usable: list[str]) -> list[BaseGeometry]:
+        """What scans that are not yet part of the known area saw, reduced by what may have moved since their stamps."""
         remembers, agreed = self.settings.remembers, dict(zip(usable, self._agreed[1], strict=True))
-        stamped = []
+        pieces: list[BaseGeometry] = []
         for sensor_id in usable:
             scan = self._latest[sensor_id][0]
             if remembers and self._folded.get(sensor_id) is scan:
                 continue
             self._folded[sensor_id] = scan
-            stamp = scan.stamp - self.settings.clock_tolerance
-            if (time - stamp) * self.settings.boundary_speed <= _SAME_PLACE:
-                stamp = time
-            stamped.append((stamp, sensor_id))
-        groups = []
-        for stamp, members in groupby(sorted(self._gathered(stamped)), key=itemgetter(0)):
-            pieces = [self._aged(agreed[sensor_id], stamp - seen) for _, seen, sensor_id in members]
-            groups.append((stamp, pieces + self._disks(stamp, pieces)))
-        return groups
+            age = time - scan.stamp + self.settings.clock_tolerance
+            reach = age * self.settings.boundary_speed
+            polygon = agreed[sensor_id].polygon
+            if reach > _SAME_PLACE:
+                if self.sensors[sensor_id].settings.sees_robots:
+                    # where robots were at the stamp: else the free space in front of them would shrink away from them
+                    polygon = union_all([polygon, *self._disks(scan.stamp, [polygon])])
+                polygon = shrink(polygon, reach)
+            pieces.append(polygon)
+        return pieces + self._disks(time, pieces)
 
-    def _gathered(self, stamped: list[tuple[float, str]]) -> list[tuple[float, float, str]]:
-        """The time for which each scan counts, its own stamp and its sensor, with no more than so many times."""
-        stamps = sorted({stamp for stamp, _ in stamped})
-        counts_for = {stamp: stamp for stamp in stamps}
-        if len(stamps) > _MOST_STAMPS:
-            for together in np.array_split(np.array(stamps), _MOST_STAMPS):
-                counts_for.update(dict.fromkeys(together.tolist(), float(together[-1])))
-        return [(counts_for[stamp], stamp, sensor_id) for stamp, sensor_id in stamped]
-
-    def _aged(self, part: DetectedArea, age: float) -> BaseGeometry:
-        reach = age * self.settings.boundary_speed
-        return shrink(part.polygon, reach) if reach > 0.0 else part.polygon
-
-    def _fold(self, region: MultiPolygon | None, at: float, groups: list[_Group]) -> MultiPolygon:
-        """Go through groups: what was known to be free at a time shrinks until the next, which is added."""
-        for stamp, pieces in groups:
-            if not _identical(pieces, self._union[0]):
-                self._union = (pieces, as_multipolygon(union_all(pieces)))
-            union = self._union[1]
-            self._nothing_remembered = True
-            if region is not None:
-                remembered = remember(region, union, stamp - at, self.settings.boundary_speed)
-                self._nothing_remembered = remembered.area - union.area < _NO_AREA
-                union = union if self._nothing_remembered else remembered
-            region, at = union, stamp
-        return MultiPolygon() if region is None else region
+    def _with_memory(
+        self, pieces: list[BaseGeometry], known: UnoccupiedArea | None, time: float
+    ) -> MultiPolygon:
+        """The union of what was seen and of what was known before and cannot have been reached since."""
+        if not _identical(pieces, self._union[0]):
+            self._union = (pieces, as_multipolygon(union_all(pieces)))
+        seen = self._union[1]
+        self._nothing_remembered = True
+        if known is None:
+            return seen
+        remembered = remember(known.region, seen, time - known.stamp, self.settings.boundary_speed)
+        self._nothing_remembered = remembered.area - seen.area < _NO_AREA
+        return seen if self._nothing_remembered else remembered
 
     def _disks(self, time: float, seen: Sequence[BaseGeometry]) -> list[BaseGeometry]:
         """Where robots are that sensors see, if anything else is free."""
