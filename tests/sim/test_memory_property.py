@@ -248,7 +248,8 @@ def areas(site: Site) -> Iterator[tuple[float, UnoccupiedArea, list[Measurement]
     st.sampled_from((0.2, 0.5, 1.0)),
     st.sampled_from((0.0, 0.3)),
 )
-@example(243, 1.0, 1.0, 0.0)  # a clock 0.25 s behind: what was seen then must not cover for what was seen before
+# A clock is 0.25 s behind: what was seen then must not cover for what was seen before.
+@example(243, 1.0, 1.0, 0.0)
 def test_the_area_holds_nothing_that_a_body_could_have_reached_unseen(
     seed: int, boundary_speed: float, interval: float, clock_tolerance: float
 ) -> None:
