@@ -1,4 +1,4 @@
-"""The subcommands of ``snnav`` that work on recordings: import-carmen, network, evaluate-logs, replay."""
+"""The subcommands of ``snnav`` that work on recordings: import-carmen, network, evaluate-logs, ..."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     _add_network(subparsers)
     _add_evaluation(subparsers)
     _add_replay(subparsers)
+    _add_windows(subparsers)
 
 
 def _deferred(module: str) -> Callable[[argparse.Namespace], int]:
@@ -202,3 +203,20 @@ def _add_replay(subparsers: argparse._SubParsersAction[argparse.ArgumentParser])
     parser.add_argument("--out", metavar="DIR", type=Path, help="run directory (default: runs/BAG-DATE-TIME)")
     parser.add_argument("--no-figures", action="store_true", help="draw nothing")
     parser.set_defaults(func=_deferred("run_replay"), control_period=defaults["control_period"])
+
+
+def _add_windows(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = subparsers.add_parser(
+        "windows",
+        help="check in a recording that a robot never drove without a certificate",
+        description="Compare every motion in a robot's odometry with the windows of the certificates that had been "
+        "heard by then, and draw its speed above what was left of its window. Needs ROBOT/odom and ROBOT/certificate; "
+        "uses /clock and events (std_msgs/String) where there are any. Exit status 1 when the robot drove outside "
+        "its windows.",
+    )
+    parser.add_argument("bag", metavar="BAG", type=Path, help="rosbag2 directory, .mcap, .db3 or ROS 1 .bag")
+    parser.add_argument("--robot", metavar="ID", required=True, help="its name")
+    parser.add_argument("--start", type=_number(0.0), default=0.0, help="from the start of the recording [s]")
+    parser.add_argument("--duration", type=_number(0.0, above=True), help="so much of it [s] (default: all)")
+    parser.add_argument("--out", metavar="FILE.png", type=Path, help="draw (default: nothing is drawn)")
+    parser.set_defaults(func=_deferred("run_windows"))
