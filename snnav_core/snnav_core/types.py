@@ -16,6 +16,7 @@ from snnav_core.errors import InvalidInput
 __all__ = [
     "Certificate",
     "FloatArray",
+    "HeardPath",
     "PathSource",
     "PlannedPath",
     "Pose2D",
@@ -291,8 +292,35 @@ class Stop:
 
 
 @dataclass(frozen=True)
+class HeardPath:
+    """What another navigator promised last for one robot.
+
+    Parameters
+    ----------
+    path : TimedPath or None
+        Its last certified path; None when it was stopped.
+    valid_until : float
+        Time up to which it follows the path [s]; after it the robot stands.
+    """
+
+    path: TimedPath | None
+    valid_until: float = -math.inf
+
+
+@dataclass(frozen=True)
 class StepResult:
-    """The outcome of one decision step: for every robot a path or a stop."""
+    """The outcome of one decision step.
+
+    Parameters
+    ----------
+    time : float
+        [s]
+    decisions : dict
+        For every robot that is served a path or a stop.
+    stop_foreign : dict
+        Robots that another navigator serves and whose promised path no longer agrees with what was decided here.
+    """
 
     time: float
     decisions: dict[str, PlannedPath | Stop] = field(default_factory=dict)
+    stop_foreign: dict[str, Stop] = field(default_factory=dict)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 from shapely.geometry import MultiPolygon
@@ -18,7 +19,16 @@ from snnav_core.navigator.prediction import predicted_pose
 from snnav_core.navigator.robot_planner import RobotMemory, plan_robot
 from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
 from snnav_core.planning.separation import OtherRobot, separation
-from snnav_core.types import PlannedPath, RobotSpec, RobotState, StepResult, Stop, StopReason, TimedPath
+from snnav_core.types import (
+    HeardPath,
+    PlannedPath,
+    RobotSpec,
+    RobotState,
+    StepResult,
+    Stop,
+    StopReason,
+    TimedPath,
+)
 
 __all__ = ["GroundNavigator"]
 
@@ -33,6 +43,9 @@ class GroundNavigator:
     robots : sequence of RobotSpec
         In order of priority: a robot is planned around the paths of those before it.
     settings : NavigatorSettings
+    serves : collection of str or None
+        Ids of the robots to decide for, also of some that are added later; None for all. Other navigators decide for
+        the rest.
 
     Raises
     ------
@@ -40,13 +53,43 @@ class GroundNavigator:
         If names repeat, or a robot does not fit the settings (see `RobotDistances`).
     """
 
-    def __init__(self, robots: Sequence[RobotSpec], settings: NavigatorSettings) -> None:
-        self.robots = {robot.id: robot for robot in robots}
-        if len(self.robots) != len(robots):
-            raise InvalidInput(f"robot ids {[robot.id for robot in robots]} are not all different")
+    def __init__(
+        self,
+        robots: Sequence[RobotSpec],
+        settings: NavigatorSettings,
+        serves: Collection[str] | None = None,
+    ) -> None:
         self.settings = settings
-        self._distances = {robot.id: RobotDistances(robot, settings) for robot in robots}
+        self.robots: dict[str, RobotSpec] = {}
+        self._serves = None if serves is None else frozenset(serves)
+        self._distances: dict[str, RobotDistances] = {}
         self.reset()
+        for robot in robots:
+            self.add_robot(robot)
+
+    @property
+    def served(self) -> list[str]:
+        """Ids of the robots in the workspace that are decided for here, in the order they were given."""
+        return [name for name in self.robots if self._serves is None or name in self._serves]
+
+    def add_robot(self, robot: RobotSpec) -> None:
+        """Take a robot into the workspace, last in order.
+
+        Raises
+        ------
+        InvalidInput
+            If there is one of this name, or it does not fit the settings (see `RobotDistances`).
+        """
+        if robot.id in self.robots:
+            raise InvalidInput(f"robot {robot.id} is there already; robot ids must be different")
+        self._distances[robot.id] = RobotDistances(robot, self.settings)
+        self.robots[robot.id] = robot
+
+    def remove_robot(self, robot_id: str) -> None:
+        """Forget a robot that was taken out of the workspace; a name that is not known is no fault."""
+        for known in (self.robots, self._distances, self._memory, self._states):
+            known.pop(robot_id, None)
+        self._explainer.forget(robot_id)
 
     def reset(self) -> None:
         """Forget all paths, as after a jump of time."""
@@ -56,6 +99,8 @@ class GroundNavigator:
         self._context: AreaContext | None = None
         self._previous: AreaContext | None = None
         self._changed = True
+        self._heard: dict[str, HeardPath] = {}
+        self._goals: Mapping[str, tuple[float, float]] = {}
         self._time = -math.inf
 
     def step(
@@ -64,8 +109,9 @@ class GroundNavigator:
         area: UnoccupiedArea,
         states: Mapping[str, RobotState],
         goals: Mapping[str, tuple[float, float]],
+        heard: Mapping[str, HeardPath] = MappingProxyType({}),
     ) -> StepResult:
-        """Decide for every robot at one sampling instant.
+        """Decide for every robot that is served at one sampling instant.
 
         Parameters
         ----------
@@ -77,11 +123,16 @@ class GroundNavigator:
             Robot id -> measured state, stamped t (up to one sampling interval old).
         goals : mapping
             Robot id -> target [m, map].
+        heard : mapping
+            Robot id -> last promise of the navigator that serves it; None for a path says that it stands. Those who
+            were decided before at this instant have a path that starts at `time`. An entry without a path for a robot
+            that is served here: another navigator stopped it. Names that are not known are not used.
 
         Returns
         -------
         StepResult
-            For every robot a path whose certificate is accepted, or a stop with reason and message.
+            For every robot that is served a path whose certificate is accepted, or a stop with reason and message;
+            and the others that have to be stopped.
 
         Raises
         ------
@@ -105,14 +156,24 @@ class GroundNavigator:
         for name, state in states.items():
             if name in self.robots and not self._state_fault(time, state):
                 self._states[name] = state
+        self._hear(heard, goals)
         decisions: dict[str, PlannedPath | Stop] = {}
-        for name, robot in self.robots.items():
+        for name in self.served:
             others = self._others(name, time, decisions)
-            decisions[name] = self._decide(robot, time, states.get(name), goals.get(name), others)
-        self._settle(time, decisions)
+            decisions[name] = self._decide(self.robots[name], time, states.get(name), goals.get(name), others)
+        stop_foreign = self._settle(time, decisions)
         for name, decision in decisions.items():
             self._remember(name, decision)
-        return StepResult(time, decisions)
+        return StepResult(time, decisions, stop_foreign)
+
+    def _hear(self, heard: Mapping[str, HeardPath], goals: Mapping[str, tuple[float, float]]) -> None:
+        """Keep what others promised, and forget the paths of own robots that others stopped."""
+        self._goals = goals
+        served = set(self.served)
+        self._heard = {name: promise for name, promise in heard.items() if name not in served}
+        for name in served & heard.keys():
+            if heard[name].path is None and name in self._memory:
+                self._memory[name] = replace(self._memory[name], plan=None)
 
     def _aged(self, area: UnoccupiedArea, time: float) -> UnoccupiedArea:
         """The part of an older area that is free for sure at `time` [s]; nothing when it is older than the window."""
@@ -138,26 +199,41 @@ class GroundNavigator:
         """Where the other robots will be: decided already in this step, or on their last path, or standing."""
         others = []
         for other, robot in self.robots.items():
-            state = self._states.get(other)
-            if other == name or state is None:
+            state, promise = self._states.get(other), self._promise(other, decisions)
+            path = promise.path if time < promise.valid_until else None
+            if other == name or (state is None and path is None):
                 continue
-            decision = decisions.get(other)
-            memory = self._memory.get(other)
-            plan = decision if isinstance(decision, PlannedPath) else None
-            if memory is not None and (decision is None or _is_silent(decision)):
-                plan = memory.plan
             step = self._distances[other].step
-            paths = [TimedPath(time, step, state.pose.position[None])]
-            if plan is not None and time < plan.certificate.valid_until:
-                paths = [_until(plan.path, plan.certificate.valid_until)]
-            elif plan is not None and state.stamp < time - _TIME_TOLERANCE:
+            paths = [] if state is None else [TimedPath(time, step, state.pose.position[None])]
+            if path is not None:
+                paths = [_until(path, promise.valid_until)]
+            elif promise.path is not None and state is not None and state.stamp < time - _TIME_TOLERANCE:
                 # Not heard of since: it stands somewhere on what was left of its way.
-                left = np.arange(state.stamp, plan.certificate.valid_until + 0.5 * step, step)
-                paths += [TimedPath(time, step, point[None]) for point in plan.path.positions_at(left)]
+                left = np.arange(state.stamp, promise.valid_until + 0.5 * step, step)
+                paths += [TimedPath(time, step, point[None]) for point in promise.path.positions_at(left)]
             radius = max(robot.radius, self.robots[name].radius)
-            parked = plan is None and (memory is None or memory.arrived)
+            parked = promise.path is None and self._is_parked(other)
             others += [OtherRobot(other, radius, path, parked) for path in paths]
         return others
+
+    def _promise(self, name: str, decisions: Mapping[str, PlannedPath | Stop]) -> HeardPath:
+        """The path that a robot follows for all that is known now."""
+        if name in self._heard:
+            return self._heard[name]
+        decision, memory = decisions.get(name), self._memory.get(name)
+        plan = decision if isinstance(decision, PlannedPath) else None
+        if memory is not None and (decision is None or _is_silent(decision)):
+            plan = memory.plan
+        return HeardPath(None) if plan is None else HeardPath(plan.path, plan.certificate.valid_until)
+
+    def _is_parked(self, name: str) -> bool:
+        """Whether a robot that stands has no way to go."""
+        memory = self._memory.get(name)
+        if memory is not None or name not in self._heard or name not in self._goals:
+            return memory is None or memory.arrived
+        state = self._states.get(name)
+        left = math.inf if state is None else math.dist(self._goals[name], (state.pose.x, state.pose.y))
+        return left <= self._distances[name].arrival
 
     def _decide(
         self,
@@ -220,10 +296,14 @@ class GroundNavigator:
             return f"is ({pose.x}, {pose.y}, {pose.heading})"
         return ""
 
-    def _settle(self, time: float, decisions: dict[str, PlannedPath | Stop]) -> None:
-        """Stop robots whose paths no longer agree with what others decided after them, until all agree."""
+    def _settle(self, time: float, decisions: dict[str, PlannedPath | Stop]) -> dict[str, Stop]:
+        """Stop robots whose paths no longer agree with what others decided after them, until all agree.
+
+        Returns the robots of other navigators that have to be stopped.
+        """
         margin, interval = self.settings.safety_margin, self.settings.sampling_interval
         end = time + self.settings.time_window * interval
+        stopped: dict[str, Stop] = {}
         changed = True
         while changed:
             changed = False
@@ -239,6 +319,40 @@ class GroundNavigator:
                 else:
                     certificate = replace(decision.certificate, least_separation=least)
                     decisions[name] = replace(decision, certificate=certificate)
+            for stop in self._foreign_conflicts(time, decisions):
+                stopped[stop.robot_id] = stop
+                self._heard[stop.robot_id] = self._standing(time, stop.robot_id)
+                changed = True
+        return stopped
+
+    def _foreign_conflicts(self, time: float, decisions: Mapping[str, PlannedPath | Stop]) -> list[Stop]:
+        """Robots of other navigators that would come too near to robots that are served here.
+
+        One that was decided before at this instant counts on a path to its end. One that is still to be decided is
+        stopped only for what would happen before its navigator can react.
+        """
+        margin, interval = self.settings.safety_margin, self.settings.sampling_interval
+        stops = []
+        for name, promise in self._heard.items():
+            moves = promise.path is not None and len(promise.path) > 1 and time < promise.valid_until
+            if promise.path is None or not moves or name not in self.robots:
+                continue
+            decided = abs(promise.path.start_time - time) <= _TIME_TOLERANCE
+            until = min(promise.valid_until, time + (self.settings.time_window if decided else 2) * interval)
+            others = [other for other in self._others(name, time, decisions) if other.id in decisions]
+            way = _from(_until(promise.path, promise.valid_until), time)
+            _, _, fault = separation(way, others, until, margin, interval)
+            if fault:
+                stops.append(Stop(name, StopReason.BLOCKED_BY_ROBOT, f"robot {name} waits: {fault}"))
+        return stops
+
+    def _standing(self, time: float, name: str) -> HeardPath:
+        """What holds of a robot of another navigator once it was stopped: it stands where it is now."""
+        path = self._heard[name].path
+        if path is None or name in self._states:
+            return HeardPath(None)
+        here = TimedPath(time, path.step, path.positions_at(np.array([time])))
+        return HeardPath(here, self._heard[name].valid_until)
 
     def _remember(self, name: str, decision: PlannedPath | Stop) -> None:
         if name in self._memory:
@@ -256,3 +370,12 @@ def _until(path: TimedPath, end: float) -> TimedPath:
     """The part of a path up to time `end` [s], where the robot stops without a new one."""
     count = math.floor((end - path.start_time) / path.step + 1e-6) + 1
     return path if count >= len(path) else TimedPath(path.start_time, path.step, path.points[: max(count, 1)])
+
+
+def _from(path: TimedPath, start: float) -> TimedPath:
+    """The part of a path from a time [s] inside it on."""
+    if path.start_time >= start - _TIME_TOLERANCE:
+        return path
+    count = max(1, math.ceil((path.end_time - start) / path.step - 1e-6) + 1)
+    times = start + path.step * np.arange(count, dtype=np.float64)
+    return TimedPath(start, path.step, path.positions_at(times), path.turn_to)
