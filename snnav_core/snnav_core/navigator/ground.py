@@ -59,6 +59,9 @@ class GroundNavigator:
         settings: NavigatorSettings,
         serves: Collection[str] | None = None,
     ) -> None:
+        ids = [robot.id for robot in robots]
+        if len(set(ids)) != len(ids):
+            raise InvalidInput(f"robot ids {ids} are not all different")
         self.settings = settings
         self.robots: dict[str, RobotSpec] = {}
         self._serves = None if serves is None else frozenset(serves)
