@@ -91,7 +91,7 @@ _NOWHERE = (
 )
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _adjust(start, target, gains, limits, most, margins, arrays, centres, distances, offsets):  # type: ignore[no-untyped-def]
     link, pull, rest, gain, attenuation = gains
     threshold, speed_threshold, shortest_end, longest_end = limits
@@ -102,10 +102,9 @@ def _adjust(start, target, gains, limits, most, margins, arrays, centres, distan
     p[: n + 1] = start
     velocity = np.zeros((room, 2))
     force = np.zeros((room, 2))
-    asked = np.empty((room, 2))
-    clearance = np.empty(room)
-    gradient = np.empty((room, 2))
-    known = False
+    boundary = (np.empty((room, 2)), np.empty(room), np.empty((room, 2)))
+    others = (np.empty((room, 2)), np.empty(room))
+    known = 0  # points p_1 .. p_known were looked up
     quiet = 0
     for passes in range(1, max_passes + 1):
         _forces(p, n, force, target, pull, rest, gain)
@@ -114,17 +113,10 @@ def _adjust(start, target, gains, limits, most, margins, arrays, centres, distan
                 velocity[i, axis] = attenuation * velocity[i, axis] + force[i, axis]
                 p[i, axis] += velocity[i, axis]
         if len(margins) > 0:
-            _off_boundary(p, n, velocity, force, margins, arrays, asked, clearance, gradient, known)
-            known = True
-        for d in range(len(offsets) - 1):
-            _off_disks(
-                p,
-                n,
-                velocity,
-                force,
-                centres[offsets[d] : offsets[d + 1]],
-                distances[offsets[d] : offsets[d + 1]],
-            )
+            _off_boundary(p, n, velocity, force, margins, arrays, boundary, known, link)
+        if len(offsets) > 1:
+            _off_disks(p, n, velocity, force, centres, distances, offsets, others, known)
+        known = n
         gx, gy = target[0] - p[n, 0], target[1] - p[n, 1]
         distance = math.sqrt(gx * gx + gy * gy)
         changed = True
@@ -137,11 +129,11 @@ def _adjust(start, target, gains, limits, most, margins, arrays, centres, distan
             n += 1
         else:
             changed = False
+        known = min(known, n)
         if n > max_points:
             return p[: n + 1].copy(), False, passes
         if changed:
             quiet = 0
-            known = False
             continue
         quiet += 1
         at_rest = _largest(force, n) < threshold * threshold
@@ -150,7 +142,7 @@ def _adjust(start, target, gains, limits, most, margins, arrays, centres, distan
     return p[: n + 1].copy(), False, max_passes
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _forces(p, n, force, target, pull, rest, gain):  # type: ignore[no-untyped-def]
     """F_I and F_P at p_1 .. p_n."""
     ahead_x, ahead_y = 0.0, 0.0
@@ -167,7 +159,7 @@ def _forces(p, n, force, target, pull, rest, gain):  # type: ignore[no-untyped-d
         force[n, 1] += gy * share
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _push(p, velocity, force, i, depth, nx, ny):  # type: ignore[no-untyped-def]
     """Put point i out of what it is in by `depth`; take the inward parts out of velocity and force."""
     if not depth > _TOUCHING:
@@ -183,51 +175,75 @@ def _push(p, velocity, force, i, depth, nx, ny):  # type: ignore[no-untyped-def]
     force[i, 1] -= inward * ny
 
 
-@numba.njit(cache=True)
-def _off_boundary(p, n, velocity, force, margins, arrays, asked, clearance, gradient, known):  # type: ignore[no-untyped-def]
-    """`BoundaryBarrier`: a point is looked up again only when it has moved by what it had in reserve."""
+@numba.njit(cache=True, nogil=True)
+def _off_boundary(p, n, velocity, force, margins, arrays, cache, known, link):  # type: ignore[no-untyped-def]
+    """`BoundaryBarrier`: a point is looked up again only when it has moved by what it had in reserve.
+
+    A look-up far from the boundary is dear, and one is enough for many points: the distance of a point is at least that
+    of its neighbour minus what they are apart.
+    """
     starts, ends, normals_start, normals_end, offsets, members, origin, size, columns, rows = arrays
+    asked, clearance, gradient = cache
     for i in range(1, n + 1):
         demanded = margins[min(i, len(margins)) - 1]
-        stale = True
-        if known:
+        if i <= known:
             mx, my = p[i, 0] - asked[i, 0], p[i, 1] - asked[i, 1]
             reserve = max(clearance[i] - demanded, 0.0)
             stale = mx * mx + my * my >= reserve * reserve
+        else:
+            stale = True
         if stale:
-            clearance[i], gradient[i, 0], gradient[i, 1] = nearest_boundary(
-                p[i, 0],
-                p[i, 1],
-                math.inf,
-                starts,
-                ends,
-                normals_start,
-                normals_end,
-                offsets,
-                members,
-                origin,
-                size,
-                columns,
-                rows,
-            )
             asked[i] = p[i]
+            inherited = -math.inf
+            if i > 1:
+                mx, my = p[i, 0] - asked[i - 1, 0], p[i, 1] - asked[i - 1, 1]
+                inherited = clearance[i - 1] - math.sqrt(mx * mx + my * my)
+            if inherited > demanded + link:
+                clearance[i] = inherited
+                gradient[i] = 0.0
+            else:
+                clearance[i], gradient[i, 0], gradient[i, 1] = nearest_boundary(
+                    p[i, 0],
+                    p[i, 1],
+                    math.inf,
+                    starts,
+                    ends,
+                    normals_start,
+                    normals_end,
+                    offsets,
+                    members,
+                    origin,
+                    size,
+                    columns,
+                    rows,
+                )
         _push(p, velocity, force, i, demanded - clearance[i], gradient[i, 0], gradient[i, 1])
 
 
-@numba.njit(cache=True)
-def _off_disks(p, n, velocity, force, centres, distances):  # type: ignore[no-untyped-def]
-    """`DiskBarrier` and `CircleBarrier`."""
+@numba.njit(cache=True, nogil=True)
+def _off_disks(p, n, velocity, force, centres, distances, offsets, cache, known):  # type: ignore[no-untyped-def]
+    """`DiskBarrier` and `CircleBarrier`: a point is compared again when it has moved by the least of its gaps."""
+    asked, gap = cache
     for i in range(1, n + 1):
-        k = min(i, len(distances)) - 1
-        if distances[k] == -math.inf:
-            continue
-        ox, oy = p[i, 0] - centres[k, 0], p[i, 1] - centres[k, 1]
-        distance = math.sqrt(ox * ox + oy * oy)
-        scale = max(distance, _TINY)
-        _push(p, velocity, force, i, distances[k] - distance, ox / scale, oy / scale)
+        if i <= known:
+            mx, my = p[i, 0] - asked[i, 0], p[i, 1] - asked[i, 1]
+            if gap[i] > 0.0 and mx * mx + my * my < gap[i] * gap[i]:
+                continue
+        asked[i] = p[i]
+        least = math.inf
+        for d in range(len(offsets) - 1):
+            k = min(offsets[d] + i, offsets[d + 1]) - 1
+            if distances[k] == -math.inf:
+                continue
+            ox, oy = p[i, 0] - centres[k, 0], p[i, 1] - centres[k, 1]
+            distance = math.sqrt(ox * ox + oy * oy)
+            scale = max(distance, _TINY)
+            least = min(least, distance - distances[k])
+            _push(p, velocity, force, i, distances[k] - distance, ox / scale, oy / scale)
+        gap[i] = least + 2.0 * _TOUCHING
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _largest(vectors, n):  # type: ignore[no-untyped-def]
     """Largest square length among the vectors 1 .. n."""
     largest = 0.0
