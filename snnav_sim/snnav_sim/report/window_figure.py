@@ -121,9 +121,10 @@ def _write_marks(axes: Axes, curves: WindowCurves) -> None:
 def _legend(colour: str, curves: WindowCurves) -> list[Line2D | Patch]:
     handles: list[Line2D | Patch] = [
         Line2D([], [], color=colour, linewidth=1.6, label="speed"),
-        Patch(facecolor=MOVER, label="turns"),
         Patch(facecolor=SEEN, edgecolor=SEEN_EDGE, label="certified: may still drive so long"),
     ]
+    if (np.abs(curves.turn_rates) > _TURNING).any():
+        handles.append(Patch(facecolor=MOVER, label="turns"))
     if curves.marks:
         handles.append(Line2D([], [], color=MARGIN, linewidth=1.3, linestyle="--", label="what was done"))
     if curves.silences:
