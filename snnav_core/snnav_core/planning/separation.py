@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, overload
 
 import numpy as np
 
+from snnav_core.planning.separation_kernel import outlook, separate
 from snnav_core.types import FloatArray, TimedPath
 
-__all__ = ["OtherRobot", "separation", "stops_within"]
+__all__ = ["OtherRobot", "Traffic", "separation", "stops_within"]
 
 
 @dataclass(frozen=True)
@@ -21,6 +24,70 @@ class OtherRobot:
     radius: float
     path: TimedPath
     parked: bool = False
+
+
+class Traffic(Sequence[OtherRobot]):
+    """The other robots that one robot is planned around, laid out for the compiled comparison.
+
+    Parameters
+    ----------
+    others : sequence of OtherRobot
+    """
+
+    def __init__(self, others: Sequence[OtherRobot]) -> None:
+        self._others = tuple(others)
+        self._seen: tuple[float, float, FloatArray, FloatArray] | None = None
+
+    @classmethod
+    def of(cls, others: Sequence[OtherRobot]) -> Traffic:
+        """The others as they are when they are laid out already."""
+        return others if isinstance(others, Traffic) else cls(others)
+
+    @overload
+    def __getitem__(self, index: int) -> OtherRobot: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[OtherRobot]: ...
+    def __getitem__(self, index: int | slice) -> OtherRobot | Sequence[OtherRobot]:
+        return self._others[index]
+
+    def __len__(self) -> int:
+        return len(self._others)
+
+    @cached_property
+    def ways(self) -> tuple[Any, ...]:
+        """Points of all paths (M, 2) [m, map], where those of each begin (O + 1,), start times and steps [s]."""
+        paths = [other.path for other in self._others]
+        points = np.concatenate([np.zeros((0, 2)), *(path.points[:, :2] for path in paths)])
+        offsets = np.cumsum([0, *(len(path) for path in paths)])
+        starts, steps = (
+            np.array([getattr(p, k) for p in paths], dtype=np.float64) for k in ("start_time", "step")
+        )
+        return np.ascontiguousarray(points), offsets, starts, steps
+
+    @cached_property
+    def radii(self) -> FloatArray:
+        """Radii of the disks [m], shape (O,)."""
+        return np.array([other.radius for other in self._others], dtype=np.float64)
+
+    @cached_property
+    def ends(self) -> FloatArray:
+        """When each is at the end of its path [s], shape (O,); -inf for one that turns in place."""
+        ends = [-math.inf if o.path.turn_to is not None else o.path.end_time for o in self._others]
+        return np.array(ends, dtype=np.float64)
+
+    def outlook(self, begin: float, end: float) -> tuple[FloatArray, FloatArray]:
+        """Where the others are at one time [s], and how far from there they come up to another.
+
+        Returns
+        -------
+        positions : ndarray, shape (O, 2)
+            [m, map]
+        reach : ndarray, shape (O,)
+            [m]; 0 for those that stand.
+        """
+        if self._seen is None or self._seen[:2] != (begin, end):
+            self._seen = (begin, end, *outlook(*self.ways, begin, end))
+        return self._seen[2:]
 
 
 def separation(
@@ -35,6 +102,7 @@ def separation(
     ----------
     path : TimedPath
     others : sequence of OtherRobot
+        Kept as `Traffic` when many paths are compared with the same ones.
     end : float
         Time up to which to look [s].
     safety_margin : float
@@ -50,28 +118,35 @@ def separation(
         Least distance to the disk of a robot that follows its path [m]; inf without others.
     fault : str
         What fails after `until`; empty when nothing does.
+
+    Notes
+    -----
+    All three are those of comparing with everybody: a robot is left out only when the distance now minus what both
+    move at most shows that it fails nothing and comes no nearer than the nearest.
     """
-    until, least, fault = math.inf, math.inf, ""
+    traffic = Traffic.of(others)
+    if not traffic:
+        return math.inf, math.inf, ""
     soon = min(end, path.start_time + interval)
-    for other in others:
-        times, distances = _approach(path, other.path, end)
-        least = min(least, float(distances.min()) - other.radius)
-        present = float(np.linalg.norm(_positions(other.path, path.start_time)[0] - path.points[0, :2]))
-        # Robots that stand too near already may only part.
-        limit = min(safety_margin, present - other.radius)
-        ways = [(times, distances)]
-        ways += [
-            _approach(path, stopped, soon) for stopped in stops_within(other.path, path.start_time, soon)
-        ]
-        for begins, gaps in ways:
-            failing = np.flatnonzero(gaps - other.radius < limit - 1e-9)
-            if len(failing) and begins[failing[0]] < until:
-                until = float(begins[failing[0]])
-                fault = (
-                    f"comes within {gaps[failing[0]] - other.radius:.3f} m of robot {other.id} after "
-                    f"{until - path.start_time:.2f} s, margin {limit:.3f} m"
-                )
-    return until, least, fault
+    own: Any = np.ascontiguousarray(path.points[:, :2])
+    until, least, index, gap, limit = separate(
+        own,
+        path.start_time,
+        path.step,
+        *traffic.ways,
+        traffic.ends > path.start_time,
+        traffic.radii,
+        end,
+        soon,
+        safety_margin,
+    )
+    if index < 0:
+        return math.inf, float(least), ""
+    fault = (
+        f"comes within {gap:.3f} m of robot {traffic[int(index)].id} after "
+        f"{until - path.start_time:.2f} s, margin {limit:.3f} m"
+    )
+    return float(until), float(least), fault
 
 
 def stops_within(path: TimedPath, start: float, end: float) -> Iterator[TimedPath]:
@@ -87,24 +162,3 @@ def stops_within(path: TimedPath, start: float, end: float) -> Iterator[TimedPat
 
 def _positions(path: TimedPath, time: float) -> FloatArray:
     return path.positions_at(np.array([time]))[:, :2]
-
-
-def _approach(first: TimedPath, second: TimedPath, end: float) -> tuple[FloatArray, FloatArray]:
-    """Least distance of two moving points in every interval on which both move uniformly.
-
-    Returns the start times of the intervals [s] and the least distances [m] in them, exact for linear motion.
-    """
-    start = first.start_time
-    knots = np.concatenate(
-        (
-            np.array([start, end]),
-            first.start_time + np.arange(len(first)) * first.step,
-            second.start_time + np.arange(len(second)) * second.step,
-        )
-    )
-    knots = np.unique(knots[(knots >= start) & (knots <= end)])
-    relative = first.positions_at(knots)[:, :2] - second.positions_at(knots)[:, :2]
-    begin, change = relative[:-1], np.diff(relative, axis=0)
-    squared = np.einsum("ij,ij->i", change, change)
-    share = np.clip(-np.einsum("ij,ij->i", begin, change) / np.maximum(squared, 1e-300), 0.0, 1.0)
-    return knots[:-1], np.linalg.norm(begin + share[:, None] * change, axis=1)

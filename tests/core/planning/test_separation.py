@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snnav_core.planning.separation import OtherRobot, separation, stops_within
+from snnav_core.planning.separation import OtherRobot, Traffic, separation, stops_within
 from snnav_core.types import FloatArray, TimedPath
 
 STEP, INTERVAL, END = 0.25, 1.0, 4.0
@@ -105,3 +105,76 @@ def test_a_robot_that_stands_or_turns_has_no_way_to_stop_on() -> None:
     assert list(stops_within(TimedPath(0.0, STEP, np.zeros((1, 2))), 0.0, INTERVAL)) == []
     turn = TimedPath(0.0, STEP, np.zeros((9, 2)), turn_to=1.0)
     assert list(stops_within(turn, 0.0, INTERVAL)) == []
+
+
+def approach(first: TimedPath, second: TimedPath, end: float) -> tuple[FloatArray, FloatArray]:
+    """Start times of all uniform motions and the least distances in them, plainly."""
+    start = first.start_time
+    knots = np.concatenate(
+        [[start, end], *(way.start_time + np.arange(len(way)) * way.step for way in (first, second))]
+    )
+    knots = np.unique(knots[(knots >= start) & (knots <= end)])
+    relative = first.positions_at(knots)[:, :2] - second.positions_at(knots)[:, :2]
+    begin, change = relative[:-1], np.diff(relative, axis=0)
+    squared = np.einsum("ij,ij->i", change, change)
+    share = np.clip(-np.einsum("ij,ij->i", begin, change) / np.maximum(squared, 1e-300), 0.0, 1.0)
+    return knots[:-1], np.linalg.norm(begin + share[:, None] * change, axis=1)
+
+
+def plain_separation(path: TimedPath, others: list[OtherRobot], margin: float) -> tuple[float, float]:
+    """Nobody is left out, every stop is a path of its own."""
+    until, least = math.inf, math.inf
+    for other in others:
+        times, gaps = approach(path, other.path, END)
+        least = min(least, float(gaps.min()) - other.radius)
+        present = other.path.positions_at(np.array([path.start_time]))[0] - path.points[0]
+        limit = min(margin, float(np.linalg.norm(present)) - other.radius)
+        ways = [(times, gaps)]
+        ways += [approach(path, way, INTERVAL) for way in stops_within(other.path, 0.0, INTERVAL)]
+        for times, gaps in ways:
+            failing = np.flatnonzero(gaps - other.radius < limit - 1e-9)
+            if len(failing):
+                until = min(until, float(times[failing[0]]))
+    return until, least
+
+
+def random_other(generator: np.random.Generator, index: int) -> OtherRobot:
+    points = random_way(generator, int(generator.integers(1, 30))) + generator.normal(0.0, 4.0, 2)
+    turn_to = 0.5 if index % 7 == 6 else None
+    if turn_to is not None:
+        points[:] = points[0]
+    start, step = (
+        float(generator.choice([-1.3, -1.0, -0.25, 0.0, 0.1])),
+        float(generator.choice([0.2, 0.25, 0.4])),
+    )
+    return OtherRobot(f"r{index}", generator.uniform(0.2, 0.8), TimedPath(start, step, points, turn_to))
+
+
+@given(seeds, st.integers(1, 25))
+def test_leaving_out_who_is_far_away_changes_nothing(seed: int, count: int) -> None:
+    generator = np.random.default_rng(seed)
+    path = TimedPath(0.0, STEP, random_way(generator, int(generator.integers(1, 20))))
+    others = [random_other(generator, index) for index in range(count)]
+    until, least, fault = separation(path, Traffic(others), END, 0.5, INTERVAL)
+    expected = plain_separation(path, others, 0.5)
+    assert (until, least) == (pytest.approx(expected[0]), pytest.approx(expected[1], abs=1e-9))
+    assert (fault == "") == math.isinf(until)
+    assert separation(path, others, END, 0.5, INTERVAL) == (until, least, fault)
+
+
+def test_the_robot_that_is_too_near_first_is_named() -> None:
+    later, sooner = moving((4.0, 0.0), (-1.0, 0.0)), moving((3.0, 0.0), (-1.0, 0.0))
+    others = [OtherRobot("later", 0.3, later.path), OtherRobot("sooner", 0.3, sooner.path)]
+    assert "robot sooner after" in separation(EAST, others, END, 0.5, INTERVAL)[2]
+
+
+@given(seeds)
+def test_the_outlook_bounds_where_others_can_be(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    others = [random_other(generator, index) for index in range(12)]
+    positions, reach = Traffic(others).outlook(0.0, END)
+    times = np.linspace(0.0, END, 401)
+    for other, position, most in zip(others, positions, reach, strict=True):
+        way = np.linalg.norm(other.path.positions_at(times) - position, axis=1)
+        assert way[0] == pytest.approx(0.0, abs=1e-9)
+        assert way.max() - 1e-9 <= most <= way.max() + 0.2
