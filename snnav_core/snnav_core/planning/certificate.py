@@ -85,22 +85,34 @@ class BoundaryIndex:
         self._pieces = shapely.linestrings(np.concatenate(links)) if links else np.empty(0, dtype=object)
         self._tree = shapely.STRtree(self._pieces)
 
-    def distances(self, segments: FloatArray) -> FloatArray:
-        """Distance of segments (N, 2, 2) [m, map] to the boundary [m]; 0 where a segment is not inside the area."""
+    def distances(self, segments: FloatArray, enough: float = math.inf) -> FloatArray:
+        """Distance of segments (N, 2, 2) [m, map] to the boundary [m]; 0 where a segment is not inside the area.
+
+        Distances above `enough` [m] may be given as infinite: with a bound, the look-up is many times as fast.
+        """
         if len(self._pieces) == 0 or len(segments) == 0:
             return np.zeros(len(segments))
-        inside = shapely.contains_xy(self._region, segments[:, 0, 0], segments[:, 0, 1])
         # A point has no line string: give every segment some length, far below any tolerance.
         degenerate = np.all(segments[:, 0] == segments[:, 1], axis=1)
         lines = segments.copy()
         lines[degenerate, 1, 0] += 1e-9
         (rows, _), distances = self._tree.query_nearest(
-            shapely.linestrings(lines), all_matches=False, return_distance=True
+            shapely.linestrings(lines),
+            max_distance=enough if math.isfinite(enough) else None,
+            all_matches=False,
+            return_distance=True,
         )
-        result = np.zeros(len(segments))
+        result = np.full(len(segments), math.inf)
         result[rows] = distances
-        result[~inside] = 0.0
+        result[~shapely.contains_xy(self._region, segments[:, 0, 0], segments[:, 0, 1])] = 0.0
         return result
+
+    def least_distance(self, chain: FloatArray) -> float:
+        """Distance of a chain of points (N, 2) [m, map], N >= 2, that lies inside the area to its boundary [m]."""
+        if np.all(chain == chain[0]):
+            return float(self.distances(chain[None, :2])[0])
+        line = shapely.linestrings(chain)
+        return float(self._tree.query_nearest(line, all_matches=False, return_distance=True)[1][0])
 
 
 def certify(
@@ -188,7 +200,12 @@ class _Check:
         self.points = np.asarray(path.points)
         self.window_end = path.start_time + settings.time_window * settings.sampling_interval
         self.times, self.pieces = self._pieces()
-        self.distances = boundary.distances(self.pieces)
+        most = settings.safety_margin + settings.tracking_tolerance
+        most += settings.boundary_speed * settings.time_window * settings.sampling_interval
+        # Pieces that keep all that may be demanded have no distance (infinity).
+        self.distances = boundary.distances(self.pieces, most + 1e-6)
+        ends = boundary.distances(self.points[[[0, 0], [-1, -1]]])
+        self.present, self.at_end = float(ends[0]), float(ends[1])
 
     def _pieces(self) -> tuple[FloatArray, FloatArray]:
         """Cut the path into pieces short in time: end time of each relative to the start (M,), ends (M, 2, 2).
@@ -207,8 +224,8 @@ class _Check:
         knots: FloatArray = np.concatenate((np.arange(inner * parts) / parts, np.arange(inner, links + 1)))
         index = np.minimum(knots.astype(np.int64), links - 1)
         share = (knots - index)[:, None]
-        points = self.points[index] * (1.0 - share) + self.points[index + 1] * share
         times: FloatArray = knots[1:] * self.path.step
+        points = self.points[index] * (1.0 - share) + self.points[index + 1] * share
         return times, np.stack((points[:-1], points[1:]), axis=1)
 
     def least_radius(self) -> float:
@@ -281,7 +298,7 @@ class _Check:
         tolerance = settings.tracking_tolerance * np.minimum(1.0, self.times / settings.sampling_interval)
         # The piece ends at `times`; up to then the boundary has come closer by at most this.
         demanded = settings.safety_margin + settings.boundary_speed * capped + tolerance
-        present = self._present()
+        present = self.present
         if present < settings.safety_margin:
             reached = np.maximum.accumulate(self.distances >= demanded)
             demanded = np.where(reached, demanded, np.minimum(demanded, self._least()))
@@ -296,19 +313,16 @@ class _Check:
         """What every piece keeps whatever the boundary does [m]: d_s, or less for a robot that comes from nearer."""
         margin = self.settings.safety_margin
         reached = np.maximum.accumulate(self.distances) >= margin
-        return np.where(reached, margin, min(margin, self._present()))
-
-    def _present(self) -> float:
-        return float(self.boundary.distances(np.stack((self.points[0], self.points[0]))[None])[0])
+        return np.where(reached, margin, min(margin, self.present))
 
     def clearance(self) -> tuple[float, float, str]:
         """Until when the margin to the boundary holds [s], the least distance until then [m], what fails then."""
-        if len(self.distances) == 0 or self._present() <= 0.0:
+        if len(self.distances) == 0 or self.present <= 0.0:
             return -math.inf, 0.0, "the robot is outside the unoccupied area"
         inside = self.times <= self.window_end - self.path.start_time + 1e-9
         demanded = self._demanded()
         failing = np.flatnonzero(inside & (self.distances < demanded - 1e-9))
-        least = float(self.distances[inside].min()) if inside.any() else float(self.distances[0])
+        least = self._least_distance()
         if len(failing) == 0:
             return math.inf, least, ""
         first = int(failing[0])
@@ -320,12 +334,22 @@ class _Check:
         )
         return self.path.start_time + before, least, fault
 
+    def _least_distance(self) -> float:
+        """Least distance within the window [m]."""
+        count = max(int((self.times <= self.window_end - self.path.start_time + 1e-9).sum()), 1)
+        least = float(self.distances[:count].min())
+        if math.isinf(least):
+            least = self.boundary.least_distance(
+                np.vstack((self.pieces[:count, 0], self.pieces[count - 1, 1]))
+            )
+        return least
+
     def stands_until(self) -> float:
         """Until when the robot may stand at the end of the path while the boundary comes nearer [s]."""
-        settings, last = self.settings, self.points[-1:]
+        settings = self.settings
         if settings.boundary_speed == 0.0 or self.path.turn_to is not None:
             return math.inf
-        reserve = float(self.boundary.distances(np.stack((last, last), axis=1))[0]) - settings.safety_margin
+        reserve = self.at_end - settings.safety_margin
         return max(self.path.end_time, self.path.start_time + reserve / settings.boundary_speed)
 
     def tail_fault(self, window: float) -> str:

@@ -86,7 +86,8 @@ class Traffic(Sequence[OtherRobot]):
             [m]; 0 for those that stand.
         """
         if self._seen is None or self._seen[:2] != (begin, end):
-            self._seen = (begin, end, *outlook(*self.ways, begin, end))
+            points, offsets, starts, steps = self.ways
+            self._seen = (begin, end, *outlook(points, offsets, starts, steps, begin, end))
         return self._seen[2:]
 
 
@@ -128,12 +129,15 @@ def separation(
     if not traffic:
         return math.inf, math.inf, ""
     soon = min(end, path.start_time + interval)
-    own: Any = np.ascontiguousarray(path.points[:, :2])
+    points, offsets, starts, steps = traffic.ways
     until, least, index, gap, limit = separate(
-        own,
+        np.ascontiguousarray(path.points[:, :2]),
         path.start_time,
         path.step,
-        *traffic.ways,
+        points,
+        offsets,
+        starts,
+        steps,
         traffic.ends > path.start_time,
         traffic.radii,
         end,

@@ -419,3 +419,25 @@ def test_the_distance_of_segments_is_exact_and_zero_outside() -> None:
     np.testing.assert_allclose(BoundaryIndex(region).distances(segments), expected, atol=1e-8)
     assert BoundaryIndex(region).distances(np.empty((0, 2, 2))).shape == (0,)
     np.testing.assert_array_equal(BoundaryIndex(MultiPolygon()).distances(segments), 0.0)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.05, 2.0))
+def test_distances_up_to_a_bound_are_those_without_one(seed: int, enough: float) -> None:
+    generator = np.random.default_rng(seed)
+    points = random_path(generator, 30)
+    index = BoundaryIndex(random_area(generator, points, 0.2))
+    segments = np.stack((points[:-1], points[1:]), axis=1)
+    exact, bounded = index.distances(segments), index.distances(segments, enough)
+    near = exact <= enough
+    np.testing.assert_array_equal(bounded[near], exact[near])
+    assert np.isinf(bounded[exact > enough + 1e-9]).all()
+    if (exact > 0.0).all():
+        chain = np.vstack((segments[:, 0], segments[-1:, 1]))
+        assert index.least_distance(chain) == pytest.approx(exact.min(), abs=1e-9)
+
+
+def test_a_path_in_the_open_tells_its_distance_to_what_is_far_away() -> None:
+    wide = shapely.box(-50.0, -50.0, 50.0, 50.0)
+    assert check(straight(), wide).least_clearance == pytest.approx(46.0), "after 4 s"
+    standing = TimedPath(START, STEP, np.zeros((9, 2)), turn_to=1.0)
+    assert check(standing, wide).least_clearance == pytest.approx(50.0)
