@@ -21,6 +21,7 @@ _WIDTH = 11.0  # inches
 _DPI = 110
 _SILENCE = "#8a8a8a"
 _TURNING = 0.05  # [rad/s]
+_MOST_WORDS = 10
 _LABELS_APART = 0.2  # share of the width that the words of a mark need
 
 
@@ -53,7 +54,7 @@ class WindowCurves:
 
 
 def draw_window(title: str, curves: WindowCurves, file: Path) -> None:
-    """Draw speed and certified window over time as a PNG, with a line for every mark.
+    """Draw speed and certified window over time as a PNG, with a line for every mark; many marks have no words.
 
     Parameters
     ----------
@@ -96,13 +97,15 @@ def _draw_background(axes: Axes, curves: WindowCurves) -> None:
 
 
 def _write_marks(axes: Axes, curves: WindowCurves) -> None:
-    """Write the words of the marks beside their lines; lines that are near share the height."""
+    """Write the words of the marks, unless there are too many, beside their lines; near ones share the height."""
+    if len(curves.marks) > _MOST_WORDS:
+        return
     apart = _LABELS_APART * float(curves.times[-1] - curves.times[0])
     last, row = -float("inf"), 0
     for time, text in sorted(curves.marks):
         row = (row + 1) % 3 if time - last < apart else 0
         last = time
-        turned = time > float(curves.times[-1]) - 0.5 * apart
+        turned = time > float(curves.times[-1]) - apart
         axes.annotate(
             text,
             (time, 0.98 - 0.09 * row),

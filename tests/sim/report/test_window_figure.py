@@ -47,6 +47,15 @@ def test_many_marks_and_one_at_the_end_keep_their_words_inside(tmp_path: Path) -
     assert image(tmp_path, replace(curves(), marks=marks)).shape[1] < 1.02 * width
 
 
+def test_words_that_would_lie_upon_each_other_are_left_out(tmp_path: Path) -> None:
+    marks = [(0.2 * k, f"SIGKILL node_{k}") for k in range(30)]
+    names = [(time, "") for time, _ in marks]
+    worded, plain = (image(tmp_path, replace(curves(), marks=these)) for these in (marks, names))
+    assert (worded == plain).all()
+    worded, plain = (image(tmp_path, replace(curves(), marks=these[:3])) for these in (marks, names))
+    assert not (worded == plain).all()
+
+
 def test_turns_on_the_spot_are_shown(tmp_path: Path) -> None:
     assert not columns(image(tmp_path, curves()), MOVER, 3)
     turns = np.zeros(100)
