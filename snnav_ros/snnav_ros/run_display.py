@@ -49,7 +49,7 @@ class RunDisplay:
         """Return how far every robot is from its target [m]."""
         where = {robot.id: robot.start for robot in self._scene.robots}
         where |= {name: (rows[-1][1], rows[-1][2]) for name, rows in record.samples.items() if rows}
-        return {robot.id: math.dist(where[robot.id], robot.target) for robot in self._scene.robots}
+        return {robot.id: math.dist(where[robot.id], robot.last_target) for robot in self._scene.robots}
 
     def distances(self, record: RunRecord) -> str:
         """Return the same in words."""
@@ -65,7 +65,7 @@ class _Bar(RunDisplay):
     def __init__(self, console: Console, scene: Scene, bar: Progress) -> None:
         super().__init__(console, scene)
         self._bar = bar
-        self._whole = sum(math.dist(robot.start, robot.target) for robot in scene.robots) or 1.0
+        self._whole = sum(math.dist(robot.start, robot.last_target) for robot in scene.robots) or 1.0
         self._task: Any = bar.add_task(scene.name, total=self._whole, state="starting the nodes")
 
     def show(self, time: float, record: RunRecord) -> None:

@@ -22,8 +22,9 @@ class EndWatch:
 
     Notes
     -----
-    A run ends when all robots have arrived, at the time limit, or when every robot that has not arrived was stopped
-    for 30 sampling intervals in a row (120 with moving bodies, which may clear the way): nothing will change.
+    A run ends when all robots in the workspace have arrived, at the time limit, or when every robot that has not
+    arrived was stopped for 30 sampling intervals in a row (120 with moving bodies, which may clear the way): nothing
+    will change. Before the time limit it never ends while a robot is still to join, to leave or to be re-targeted.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -41,14 +42,17 @@ class EndWatch:
         stops : mapping
             Robot id -> value of the StopReason, for the robots without a path at this instant.
         """
-        robots = [robot.id for robot in self._scene.robots]
+        scene = self._scene
+        robots = [robot.id for robot in scene.robots if scene.is_present(robot, time)]
+        changes = scene.changes_after(time)
         under_way = [robot for robot in robots if stops.get(robot) != StopReason.ARRIVED.value]
-        if not under_way:
-            return "all robots arrived" if robots else "no robots in the scene"
-        self._idle = self._idle + 1 if all(robot in stops for robot in under_way) else 0
+        if not (under_way or changes):
+            gone = " or left" if len(robots) < len(scene.robots) else ""
+            return f"all robots arrived{gone}" if scene.robots else "no robots in the scene"
+        self._idle = self._idle + 1 if not changes and all(robot in stops for robot in under_way) else 0
         if self._idle >= self._patience:
             named = ", ".join(f"{robot}: {stops[robot]}" for robot in under_way)
             return f"no way on for {self._patience} sampling intervals ({named})"
-        if time >= self._scene.time_limit - 1e-9:
+        if time >= scene.time_limit - 1e-9:
             return f"time limit of {self._scene.time_limit:g} s"
         return ""

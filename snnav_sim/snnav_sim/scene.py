@@ -13,7 +13,17 @@ import yaml
 from snnav_sim.scene_check import check_scene
 from snnav_sim.scene_faults import fault_entry
 from snnav_sim.scene_read import read_scene
-from snnav_sim.scene_types import Circle, Fault, Mover, Polygon, RobotScene, Scene, SensorScene, Shape
+from snnav_sim.scene_types import (
+    Circle,
+    Fault,
+    Mover,
+    Polygon,
+    Retarget,
+    RobotScene,
+    Scene,
+    SensorScene,
+    Shape,
+)
 from snnav_sim.scene_yaml import SceneError, read_document
 
 __all__ = [
@@ -21,6 +31,7 @@ __all__ = [
     "Fault",
     "Mover",
     "Polygon",
+    "Retarget",
     "RobotScene",
     "Scene",
     "SceneError",
@@ -179,7 +190,7 @@ def _sensor(sensor: SensorScene) -> dict[str, Any]:
 
 
 def _robot(robot: RobotScene) -> dict[str, Any]:
-    return {
+    entry: dict[str, Any] = {
         "id": robot.id,
         "start": list(robot.start),
         "heading_deg": _degrees(robot.heading),
@@ -188,6 +199,13 @@ def _robot(robot: RobotScene) -> dict[str, Any]:
         "max_turn_rate": robot.max_turn_rate,
         "radius": robot.radius,
     }
+    if robot.joins_at > 0.0:
+        entry["joins_at"] = robot.joins_at
+    if math.isfinite(robot.leaves_at):
+        entry["leaves_at"] = robot.leaves_at
+    if robot.retargets:
+        entry["retargets"] = [{"time": one.time, "target": list(one.target)} for one in robot.retargets]
+    return entry
 
 
 def _degrees(angle: float) -> float:

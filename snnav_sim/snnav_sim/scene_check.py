@@ -31,6 +31,7 @@ def check_scene(root: Field, scene: Scene) -> None:
         entries["sensors"].fail("an empty list", "add at least one range finder: without any nothing is free")
     _check_times(entries, scene)
     _check_ids(entries)
+    _check_events(entries, scene)
     _check_scanners(entries, scene)
     _check_places(entries, scene)
     _check_overlap(entries, scene)
@@ -53,6 +54,30 @@ def _check_times(entries: dict[str, Field], scene: Scene) -> None:
             f"{scene.control_period:g} s",
             f"give a control_period that divides it, or sampling_interval: {fitting:g}",
         )
+
+
+def _check_events(entries: dict[str, Field], scene: Scene) -> None:
+    """What happens to a robot happens in order, while it is there, and at different sampling instants."""
+    for item, robot in zip(_items(entries, "robots"), scene.robots, strict=True):
+        children, join, leave = item.children(), scene.instant(robot.joins_at), scene.instant(robot.leaves_at)
+        if leave <= join:
+            children["leaves_at"].fail(
+                f"{robot.leaves_at:g} is no later sampling instant than joins_at {robot.joins_at:g}",
+                f"give more than {join:g}",
+            )
+        before = join
+        for field, retarget in zip(_items(children, "retargets"), robot.retargets, strict=True):
+            place = field.children()["time"]
+            if scene.instant(retarget.time) <= before:
+                place.fail(
+                    f"{retarget.time:g} is no later sampling instant than what comes before it ({before:g})",
+                    "give the times in order, after joins_at",
+                )
+            before = scene.instant(retarget.time)
+            if before >= leave:
+                place.fail(
+                    f"{retarget.time:g} is not before leaves_at {robot.leaves_at:g}", "give an earlier time"
+                )
 
 
 def _check_scanners(entries: dict[str, Field], scene: Scene) -> None:
@@ -133,6 +158,8 @@ def _check_places(entries: dict[str, Field], scene: Scene) -> None:
     for item, robot in zip(_items(entries, "robots"), scene.robots, strict=True):
         check(item.children()["start"], robot.start)
         check(item.children()["target"], robot.target)
+        for field, retarget in zip(_items(item.children(), "retargets"), robot.retargets, strict=True):
+            check(field.children()["target"], retarget.target)
 
 
 def _check_speeds(entries: dict[str, Field], scene: Scene) -> None:
@@ -161,7 +188,8 @@ def _check_overlap(entries: dict[str, Field], scene: Scene) -> None:
     items = _items(entries, "robots")
     for index, robot in enumerate(scene.robots):
         for other in scene.robots[:index]:
-            if math.dist(robot.start, other.start) < robot.radius + other.radius:
+            together = scene.instant(robot.joins_at) == scene.instant(other.joins_at)
+            if together and math.dist(robot.start, other.start) < robot.radius + other.radius:
                 items[index].children()["start"].fail(
                     f"[{robot.start[0]:g}, {robot.start[1]:g}] overlaps the disk of {other.id}",
                     "move the start away",

@@ -8,7 +8,17 @@ import re
 import shapely
 
 from snnav_sim.scene_faults import read_fault
-from snnav_sim.scene_types import Circle, Mover, Point, Polygon, RobotScene, Scene, SensorScene, Shape
+from snnav_sim.scene_types import (
+    Circle,
+    Mover,
+    Point,
+    Polygon,
+    Retarget,
+    RobotScene,
+    Scene,
+    SensorScene,
+    Shape,
+)
 from snnav_sim.scene_yaml import Field
 
 __all__ = ["LARGEST_SEED", "OPTIONAL", "REQUIRED", "SCANNER", "read_scene"]
@@ -30,6 +40,7 @@ _ID = re.compile(r"[A-Za-z](_?[A-Za-z0-9])*")
 _RESERVED = ("sensors", "map", "unoccupied_area", "lockstep", "clock", "diagnostics")
 _LARGEST = 1e4  # [m]; coordinates beyond it are a mistake of units
 _MOST_BEAMS = 100_000
+_LATEST = 1e5  # [s]
 SCANNER = (
     "noise",
     "range_min",
@@ -190,7 +201,11 @@ def _waypoints(field: Field) -> tuple[Point, ...]:
 
 def _robot(field: Field) -> RobotScene:
     _refuse_space(field, ("pitch_deg",))
-    entries = field.mapping(("id", "start", "heading_deg", "target", "speed", "max_turn_rate", "radius"), ())
+    required = ("id", "start", "heading_deg", "target", "speed", "max_turn_rate", "radius")
+    entries = field.mapping(required, ("joins_at", "leaves_at", "retargets"))
+    retargets = (
+        entries["retargets"].items("[{time: ..., target: [x, y]}, ...]") if "retargets" in entries else []
+    )
     return RobotScene(
         id=read_id(entries["id"]),
         start=entries["start"].point(),
@@ -199,7 +214,17 @@ def _robot(field: Field) -> RobotScene:
         speed=entries["speed"].number("m/s", 0.0, 100.0, above=True),
         max_turn_rate=entries["max_turn_rate"].number("rad/s", 0.0, 100.0, above=True),
         radius=entries["radius"].number("m", 0.0, 100.0, above=True),
+        joins_at=entries["joins_at"].number("s", 0.0, _LATEST) if "joins_at" in entries else 0.0,
+        leaves_at=entries["leaves_at"].number("s", 0.0, _LATEST, above=True)
+        if "leaves_at" in entries
+        else math.inf,
+        retargets=tuple(_retarget(item) for item in retargets),
     )
+
+
+def _retarget(field: Field) -> Retarget:
+    entries = field.mapping(("time", "target"), ())
+    return Retarget(entries["time"].number("s", 0.0, _LATEST, above=True), entries["target"].point())
 
 
 def _sensor(field: Field) -> SensorScene:

@@ -9,7 +9,20 @@ import numpy as np
 
 from snnav_core.types import FloatArray, Pose2D, RobotSpec
 
-__all__ = ["Circle", "Fault", "Mover", "Point", "Polygon", "RobotScene", "Scene", "SensorScene", "Shape"]
+__all__ = [
+    "Circle",
+    "Fault",
+    "Mover",
+    "Point",
+    "Polygon",
+    "Retarget",
+    "RobotScene",
+    "Scene",
+    "SensorScene",
+    "Shape",
+]
+
+_SAME_TIME = 1e-9  # [s]
 
 Point = tuple[float, float]
 
@@ -190,6 +203,14 @@ class SensorScene:
 
 
 @dataclass(frozen=True, slots=True)
+class Retarget:
+    """Another target [m, map] for a robot, from a time [s] on."""
+
+    time: float
+    target: Point
+
+
+@dataclass(frozen=True, slots=True)
 class RobotScene:
     """One robot: where it starts, where it shall go, what it can do.
 
@@ -208,6 +229,12 @@ class RobotScene:
         [rad/s].
     radius : float
         Radius of the disk that covers the robot [m].
+    joins_at : float
+        Put into the workspace at the first sampling instant from then on [s].
+    leaves_at : float
+        Taken out of it at the first sampling instant from then on [s].
+    retargets : tuple of Retarget
+        In order of time; each counts from the first sampling instant from its time on.
     """
 
     id: str
@@ -217,6 +244,18 @@ class RobotScene:
     speed: float
     max_turn_rate: float
     radius: float
+    joins_at: float = 0.0
+    leaves_at: float = math.inf
+    retargets: tuple[Retarget, ...] = ()
+
+    def target_at(self, time: float) -> Point:
+        """Return where it shall go at a sampling instant [s]."""
+        return next((r.target for r in reversed(self.retargets) if r.time <= time + _SAME_TIME), self.target)
+
+    @property
+    def last_target(self) -> Point:
+        """Where it shall be in the end, should it not leave before."""
+        return self.target_at(math.inf)
 
     @property
     def spec(self) -> RobotSpec:
@@ -285,6 +324,23 @@ class Scene:
     def ticks_per_sample(self) -> int:
         """Number of control periods in a sampling interval."""
         return round(self.sampling_interval / self.control_period)
+
+    def instant(self, time: float) -> float:
+        """Return the first sampling instant not before a time [s]."""
+        if not math.isfinite(time):
+            return time
+        return round(math.ceil(time / self.sampling_interval - _SAME_TIME) * self.sampling_interval, 9)
+
+    def is_present(self, robot: RobotScene, time: float) -> bool:
+        """Whether a robot is in the workspace at a time [s]."""
+        return self.instant(robot.joins_at) <= time + _SAME_TIME < self.instant(robot.leaves_at)
+
+    def changes_after(self, time: float) -> bool:
+        """Whether a robot still joins, leaves or gets another target after a sampling instant [s]."""
+        times = [
+            time for r in self.robots for time in (r.joins_at, r.leaves_at, *(t.time for t in r.retargets))
+        ]
+        return any(time + _SAME_TIME < self.instant(when) < math.inf for when in times)
 
     def scan_period(self, sensor: SensorScene) -> float:
         """Time from scan to scan of a sensor [s]."""

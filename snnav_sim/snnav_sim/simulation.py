@@ -60,8 +60,7 @@ class Simulation:
         self.seed = scene.seed if seed is None else seed
         self.world = World(scene)
         self.record = RunRecord(self.seed)
-        specs = [robot.spec for robot in scene.robots]
-        seen = specs if scene.sees_robots else []
+        seen = [robot.spec for robot in scene.robots if scene.sees_robots]
         self._tracks = {spec.id: RobotTrack(spec) for spec in seen}
         tracks = list(self._tracks.values())
         self._feeds = [
@@ -71,12 +70,12 @@ class Simulation:
             for sensor in scene.sensors
         ]
         sensors = [planar_sensor(sensor) for sensor in scene.sensors]
-        self._fusion = AreaFusion(sensors, fusion_settings(scene), seen)
-        self._navigator = GroundNavigator(specs, navigator_settings(scene))
-        self._robots = {robot.id: _Robot(robot, scene.control_period) for robot in scene.robots}
-        self._goals = {robot.id: robot.target for robot in scene.robots}
+        self._fusion = AreaFusion(sensors, fusion_settings(scene))
+        self._navigator = GroundNavigator([], navigator_settings(scene))
+        self._robots: dict[str, _Robot] = {}
         self._watch = EndWatch(scene)
         self._tick = 0
+        self._join_and_leave()
         self._tell_states()
 
     @property
@@ -100,6 +99,7 @@ class Simulation:
     def decide(self) -> StepResult:
         """Measure, fuse and plan at the present sampling instant; hand the paths to the trackers."""
         time = self.time
+        goals = {robot.id: robot.target_at(time) for robot in self.scene.robots if robot.id in self._robots}
         scans = [(feed.device.sensor.id, scan) for feed in self._feeds for scan in feed.arrivals(time)]
         begin = clock.perf_counter()
         for sensor_id, scan in scans:
@@ -109,7 +109,7 @@ class Simulation:
                 self.record.add_rejection(sensor_id, str(error))
         area = self._fusion.area(time)
         fused = clock.perf_counter()
-        result = self._navigator.step(time, area, self._states(), self._goals)
+        result = self._navigator.step(time, area, self._states(), goals)
         self.record.add_area(area)
         self.record.fusion_seconds.append(fused - begin)
         self.record.planner_seconds.append(clock.perf_counter() - fused)
@@ -126,7 +126,25 @@ class Simulation:
             robot.base.apply(robot.tracker.command(pose, time), self.scene.control_period)
             self.record.add_sample(name, time, pose, robot.base.command)
         self._tick += 1
+        if self._tick % self.scene.ticks_per_sample == 0:
+            self._join_and_leave()
         self._tell_states()
+
+    def _join_and_leave(self) -> None:
+        """Let robots out of the workspace, then in, as the scene says for this sampling instant."""
+        present = {robot.id: robot for robot in self.scene.robots if self.scene.is_present(robot, self.time)}
+        for name in self._robots.keys() - present.keys():
+            del self._robots[name]
+            self._navigator.remove_robot(name)
+            if name in self._tracks:
+                self._tracks[name].clear()
+                self._fusion.remove_robot(name)
+        for name, robot in present.items():
+            if name not in self._robots:
+                self._robots[name] = _Robot(robot, self.scene.control_period)
+                self._navigator.add_robot(robot.spec)
+                if name in self._tracks:
+                    self._fusion.add_robot(robot.spec)
 
     def _states(self) -> dict[str, RobotState]:
         time = self.time

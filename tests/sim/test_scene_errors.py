@@ -126,6 +126,29 @@ MISTAKES = {
     "frozen without noise": (
         "noise: none", "faults: [{kind: frozen}]", 19, "sensors[0].faults[0].kind", "add noise: lms200",
     ),
+    "leaves before it joins": (
+        "radius: 0.3}", "radius: 0.3, joins_at: 5, leaves_at: 4.5}", 21, "robots[0].leaves_at", "give more than 5",
+    ),
+    "leaves at the instant at which it joins": (
+        "radius: 0.3}", "radius: 0.3, joins_at: 4.2, leaves_at: 5}", 21, "robots[0].leaves_at", "more than 5",
+    ),
+    "joins before time begins": ("radius: 0.3}", "radius: 0.3, joins_at: -1}", 21, "robots[0].joins_at", "at least 0"),
+    "leaves never": ("radius: 0.3}", "radius: 0.3, leaves_at: .inf}", 21, "robots[0].leaves_at", ".inf is out"),
+    "target without its time": (
+        "radius: 0.3}", "radius: 0.3, retargets: [{target: [5, 5]}]}", 21, "robots[0].retargets[0]", "add time",
+    ),
+    "targets in disorder": (
+        "radius: 0.3}", "radius: 0.3, retargets: [{time: 9, target: [5, 5]}, {time: 8, target: [6, 5]}]}", 21,
+        "robots[0].retargets[1].time", "in order",
+    ),
+    "target after it left": (
+        "radius: 0.3}", "radius: 0.3, leaves_at: 7, retargets: [{time: 9, target: [5, 5]}]}", 21,
+        "robots[0].retargets[0].time", "not before leaves_at 7",
+    ),
+    "later target outside": (
+        "radius: 0.3}", "radius: 0.3, retargets: [{time: 9, target: [5, 555]}]}", 21,
+        "robots[0].retargets[0].target", "outside the workspace",
+    ),
     "broken YAML": ("seed: 1", "seed: [1", 4, "", "not valid YAML"),
 }  # fmt: skip
 

@@ -107,6 +107,14 @@ class AreaFusion:
         self._history.add(scan.stamp, detected)
         return detected
 
+    def add_robot(self, robot: RobotSpec) -> None:
+        """Know one more robot that sensors can see; `InvalidInput` if there is one of this name."""
+        self._robots.add_robot(robot)
+
+    def remove_robot(self, robot_id: str) -> None:
+        """Forget a robot that was taken out of the workspace; a name that is not known is no fault."""
+        self._robots.remove_robot(robot_id)
+
     def add_state(self, state: RobotState, now: float | None = None) -> None:
         """Take where a robot is; before the `area` of the time at which sensors see it there.
 

@@ -59,6 +59,22 @@ class RobotHiding:
         self._kept: dict[str, BeamFan] = {}
         self._disks: tuple[tuple[_Place, ...], list[shapely.Polygon]] = ((), [])
 
+    def add_robot(self, robot: RobotSpec) -> None:
+        """Know one more robot.
+
+        Raises
+        ------
+        InvalidInput
+            If there is one of this name.
+        """
+        if robot.id in self._tracks:
+            raise InvalidInput(f"robot {robot.id} is known already; robot ids must be different")
+        self._tracks[robot.id] = RobotTrack(robot)
+
+    def remove_robot(self, robot_id: str) -> None:
+        """Forget a robot; a name that is not known is no fault."""
+        self._tracks.pop(robot_id, None)
+
     def clear(self) -> None:
         """Forget where the robots were, and lengths of beams."""
         for track in self._tracks.values():

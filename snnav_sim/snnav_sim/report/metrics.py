@@ -21,6 +21,7 @@ from snnav_sim.scene_types import RobotScene, Scene
 
 __all__ = ["compute_metrics", "library_versions", "step_times"]
 
+_SAME_TIME = 1e-6  # [s]
 _LIBRARIES = ("numpy", "scipy", "shapely", "numba")
 
 
@@ -85,17 +86,19 @@ def library_versions() -> dict[str, str]:
 def _robot(robot: RobotScene, scene: Scene, record: RunRecord, truth: GroundTruth) -> dict[str, Any]:
     rows = record.trajectory(robot.id)
     decisions = record.decisions_of(robot.id)
-    reason, message = _reason(scene, record, decisions)
-    arrival = next((d.time for d in decisions if d.reason == StopReason.ARRIVED.value), None)
+    reason, message = _reason(robot, scene, record, decisions)
+    target = robot.target_at(decisions[-1].time if decisions else 0.0)
+    arrivals = [d.time for d in decisions if d.reason == StopReason.ARRIVED.value]
+    arrival = next((time for time in arrivals if robot.target_at(time) == target), None)
     if len(rows) == 0:
         rows = np.array([[0.0, *robot.start, robot.heading, 0.0, 0.0]])
     points, times = rows[:, 1:3], rows[:, 0]
     clearance = truth.clearance(points, times)
     area_clearance, _ = truth.area_clearance(points, times)
-    remaining = math.dist(points[-1], robot.target)
+    remaining = math.dist(points[-1], target)
     reached = reason == StopReason.ARRIVED.value and remaining <= robot.speed * scene.sampling_interval
     travelled = float(np.sum(rows[:-1, 4] * np.diff(times)))
-    least_separation = _separation(robot, scene, record, rows)
+    least_separation = _separation(robot, scene, record, record.trajectory(robot.id))
     return {
         "reached": reached,
         "arrival_time": arrival if reached else None,
@@ -113,13 +116,20 @@ def _robot(robot: RobotScene, scene: Scene, record: RunRecord, truth: GroundTrut
     }
 
 
-def _reason(scene: Scene, record: RunRecord, decisions: Sequence[Decision]) -> tuple[str, str]:
-    """Return the reason of the last stop and its message; for a robot still under way why the run ended."""
+def _reason(
+    robot: RobotScene, scene: Scene, record: RunRecord, decisions: Sequence[Decision]
+) -> tuple[str, str]:
+    """Return the reason of the last stop and its message; for a robot still under way why it or the run ended."""
+    end = _duration(record) or 0.0
+    if not decisions and scene.instant(robot.joins_at) > end:
+        return "not_joined", f"the run ended before {robot.joins_at:g} s: {record.reason}"
     if not decisions:
         return "no_decision", "nothing was ever published for this robot"
     last = decisions[-1]
     if last.path is None:
         return last.reason, last.message
+    if not scene.is_present(robot, end + scene.control_period):
+        return "left", f"left the workspace at {scene.instant(robot.leaves_at):g} s"
     return "under_way", record.reason
 
 
@@ -129,8 +139,9 @@ def _optima(
     """Return shortest paths at the safety margin and at the least distance that a path was planned for."""
     distances = [d.planning_distance for d in decisions if d.planning_distance is not None]
     planned = min(distances) if distances else None
-    optimum = _optimum(robot, truth, scene.safety_margin)
-    optimum_planned = None if planned is None else _optimum(robot, truth, planned)
+    several = bool(robot.retargets)  # then there is no one shortest path
+    optimum = None if several else _optimum(robot, truth, scene.safety_margin)
+    optimum_planned = None if planned is None or several else _optimum(robot, truth, planned)
 
     def ratio(best: float | None) -> float | None:
         return None if not best or length is None else round(length / best, 5)
@@ -152,16 +163,20 @@ def _optimum(robot: RobotScene, truth: GroundTruth, distance: float) -> float | 
 
 
 def _separation(robot: RobotScene, scene: Scene, record: RunRecord, rows: FloatArray) -> float | None:
-    """Return the least distance from the robot's centre to the disk of another one at equal times [m]."""
+    """Return the least distance from the robot's centre to the disk of another one while both are there [m]."""
     least = math.inf
     for other in scene.robots:
         if other.id == robot.id:
             continue
         track = record.trajectory(other.id)
         if len(track) == 0:
-            track = np.array([[0.0, *other.start, other.heading, 0.0, 0.0]])
-        there = np.stack([np.interp(rows[:, 0], track[:, 0], track[:, axis]) for axis in (1, 2)], axis=-1)
-        gap = np.hypot(*(rows[:, 1:3] - there).T) - other.radius
+            continue
+        together = (rows[:, 0] >= track[0, 0] - _SAME_TIME) & (rows[:, 0] <= track[-1, 0] + _SAME_TIME)
+        here = rows[together]
+        if len(here) == 0:
+            continue
+        there = np.stack([np.interp(here[:, 0], track[:, 0], track[:, axis]) for axis in (1, 2)], axis=-1)
+        gap = np.hypot(*(here[:, 1:3] - there).T) - other.radius
         least = min(least, float(gap.min()))
     return least if math.isfinite(least) else None
 

@@ -132,10 +132,10 @@ class Moments:
         ]
 
     def robot(self, robot: RobotScene, time: float) -> RobotMoment | None:
-        """Return a robot at a time [s]; None before its first sample."""
+        """Return a robot at a time [s]; None before its first sample and once it left."""
         rows = self._rows[robot.id]
         last = int(np.searchsorted(rows[:, 0], time + _TIME, side="right")) - 1 if len(rows) else -1
-        if last < 0:
+        if last < 0 or self._scene.instant(robot.leaves_at) <= time + _TIME:
             return None
         driven = rows[: last + 1, 1:3]
         position = (float(rows[last, 1]), float(rows[last, 2]))
