@@ -229,7 +229,8 @@ class Site:
     def clock_of(self, kind: str) -> tuple[str, Callable[[], float]]:
         """Return by which time an outage of a kind is measured: simulated time stands still without its clock.
 
-        It may stand still for a second or two after any kill, as the middleware looks whether the dead one lives.
+        It was also seen to stand still for one or two seconds after the death or sleep of another node: then nothing
+        moves, but the robot has not stopped.
         """
         return ("wall", time.monotonic) if kind == "clock" else ("simulated", lambda: self.time)
 
