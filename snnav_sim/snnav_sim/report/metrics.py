@@ -9,6 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
+import shapely
 
 import snnav_core
 import snnav_sim
@@ -19,13 +20,16 @@ from snnav_sim.report.record import Decision, RunRecord
 from snnav_sim.report.truth import GroundTruth
 from snnav_sim.scene_types import RobotScene, Scene
 
-__all__ = ["compute_metrics", "library_versions", "step_times"]
+__all__ = ["compute_metrics", "library_versions", "separations", "step_times"]
 
 _SAME_TIME = 1e-6  # [s]
 _LIBRARIES = ("numpy", "scipy", "shapely", "numba")
+_HAIR = 1e-6  # [m]
 
 
-def compute_metrics(scene: Scene, record: RunRecord, truth: GroundTruth | None = None) -> dict[str, Any]:
+def compute_metrics(
+    scene: Scene, record: RunRecord, truth: GroundTruth | None = None, area: bool = True
+) -> dict[str, Any]:
     """Return the content of ``metrics.json``; its keys are explained in docs/scene-format.md.
 
     Parameters
@@ -34,6 +38,8 @@ def compute_metrics(scene: Scene, record: RunRecord, truth: GroundTruth | None =
     record : RunRecord
     truth : GroundTruth, optional
         Of the same scene, when it is at hand.
+    area : bool
+        Whether to measure the distance to the boundary of the true unoccupied area, which takes long among movers.
     """
     truth = truth or GroundTruth(scene)
     return {
@@ -41,7 +47,7 @@ def compute_metrics(scene: Scene, record: RunRecord, truth: GroundTruth | None =
         "seed": record.seed,
         "reason": record.reason,
         "duration": _duration(record),
-        "robots": {robot.id: _robot(robot, scene, record, truth) for robot in scene.robots},
+        "robots": {robot.id: _robot(robot, scene, record, truth, area) for robot in scene.robots},
         "planner": step_times(record.planner_seconds),
         "fusion": step_times(record.fusion_seconds),
         "versions": {**library_versions(), **record.versions},
@@ -83,7 +89,9 @@ def library_versions() -> dict[str, str]:
     return versions
 
 
-def _robot(robot: RobotScene, scene: Scene, record: RunRecord, truth: GroundTruth) -> dict[str, Any]:
+def _robot(
+    robot: RobotScene, scene: Scene, record: RunRecord, truth: GroundTruth, area: bool
+) -> dict[str, Any]:
     rows = record.trajectory(robot.id)
     decisions = record.decisions_of(robot.id)
     reason, message = _reason(robot, scene, record, decisions)
@@ -94,24 +102,26 @@ def _robot(robot: RobotScene, scene: Scene, record: RunRecord, truth: GroundTrut
         rows = np.array([[0.0, *robot.start, robot.heading, 0.0, 0.0]])
     points, times = rows[:, 1:3], rows[:, 0]
     clearance = truth.clearance(points, times)
-    area_clearance, _ = truth.area_clearance(points, times)
+    area_clearance = truth.area_clearance(points, times)[0] if area else None
     remaining = math.dist(points[-1], target)
     reached = reason == StopReason.ARRIVED.value and remaining <= robot.speed * scene.sampling_interval
     travelled = float(np.sum(rows[:-1, 4] * np.diff(times)))
-    least_separation = _separation(robot, scene, record, record.trajectory(robot.id))
+    least_separation = float(separations(robot, scene, record).min(initial=math.inf))
     return {
         "reached": reached,
         "arrival_time": arrival if reached else None,
         "travelled_length": _rounded(travelled),
         **_optima(robot, scene, decisions, truth, travelled + remaining if reached else None),
         "least_clearance": _floored(float(clearance.min())),
-        "least_separation": _floored(least_separation),
+        "least_separation": _floored(least_separation) if math.isfinite(least_separation) else None,
         "reason": reason,
         "message": message,
         "remaining_distance": _rounded(remaining),
-        "least_area_clearance": _floored(float(area_clearance.min())),
+        "least_area_clearance": None if area_clearance is None else _floored(float(area_clearance.min())),
         "margin_violations": int(np.sum(clearance < scene.safety_margin)),
-        "area_margin_violations": int(np.sum(area_clearance < scene.safety_margin)),
+        "area_margin_violations": None
+        if area_clearance is None
+        else int(np.sum(area_clearance < scene.safety_margin)),
         "largest_turn_rate": float(np.abs(rows[:, 5]).max()),
     }
 
@@ -136,12 +146,17 @@ def _reason(
 def _optima(
     robot: RobotScene, scene: Scene, decisions: Sequence[Decision], truth: GroundTruth, length: float | None
 ) -> dict[str, Any]:
-    """Return shortest paths at the safety margin and at the least distance that a path was planned for."""
+    """Return shortest paths at the safety margin and at the least distance that a path was planned for.
+
+    Where start or target is nearer to the boundary than a path was planned for, the second is taken at their distance.
+    """
     distances = [d.planning_distance for d in decisions if d.planning_distance is not None]
     planned = min(distances) if distances else None
     several = bool(robot.retargets)  # then there is no one shortest path
     optimum = None if several else _optimum(robot, truth, scene.safety_margin)
-    optimum_planned = None if planned is None or several else _optimum(robot, truth, planned)
+    ends = shapely.points([robot.start, robot.target])
+    nearest = float(shapely.distance(ends, shapely.boundary(truth.area)).min()) - _HAIR
+    optimum_planned = None if planned is None or several else _optimum(robot, truth, min(planned, nearest))
 
     def ratio(best: float | None) -> float | None:
         return None if not best or length is None else round(length / best, 5)
@@ -162,23 +177,26 @@ def _optimum(robot: RobotScene, truth: GroundTruth, distance: float) -> float | 
         return None
 
 
-def _separation(robot: RobotScene, scene: Scene, record: RunRecord, rows: FloatArray) -> float | None:
-    """Return the least distance from the robot's centre to the disk of another one while both are there [m]."""
-    least = math.inf
+def separations(robot: RobotScene, scene: Scene, record: RunRecord) -> FloatArray:
+    """Return the distance from the robot's centre to the nearest disk of another one while both are there.
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        At every row of the robot's trajectory [m]; infinite while no other is there.
+    """
+    rows = record.trajectory(robot.id)
+    nearest = np.full(len(rows), math.inf)
     for other in scene.robots:
-        if other.id == robot.id:
-            continue
         track = record.trajectory(other.id)
-        if len(track) == 0:
+        if other.id == robot.id or len(track) == 0:
             continue
         together = (rows[:, 0] >= track[0, 0] - _SAME_TIME) & (rows[:, 0] <= track[-1, 0] + _SAME_TIME)
         here = rows[together]
-        if len(here) == 0:
-            continue
         there = np.stack([np.interp(here[:, 0], track[:, 0], track[:, axis]) for axis in (1, 2)], axis=-1)
         gap = np.hypot(*(here[:, 1:3] - there).T) - other.radius
-        least = min(least, float(gap.min()))
-    return least if math.isfinite(least) else None
+        nearest[together] = np.minimum(nearest[together], gap)
+    return nearest
 
 
 def _rounded(value: float | None) -> float | None:

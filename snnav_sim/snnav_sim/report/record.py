@@ -33,6 +33,8 @@ class Decision:
         Distance to the boundary that the path was planned for [m], where known.
     source : str
         Where the path comes from, where known.
+    valid_until : float or None
+        The certificate holds up to this time [s]; None for a stop, or where not known.
     """
 
     time: float
@@ -42,6 +44,7 @@ class Decision:
     message: str = ""
     planning_distance: float | None = None
     source: str = ""
+    valid_until: float | None = None
 
     @classmethod
     def of(cls, time: float, decision: PlannedPath | Stop) -> Decision:
@@ -54,6 +57,7 @@ class Decision:
             decision.path,
             planning_distance=decision.planning_distance,
             source=decision.source.value,
+            valid_until=decision.certificate.valid_until,
         )
 
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import csv
+import hashlib
+import io
 import json
 import shutil
 import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from snnav_core.errors import InvalidInput
 from snnav_sim.report.metrics import compute_metrics
@@ -17,7 +19,7 @@ from snnav_sim.report.record import Decision, RunRecord
 from snnav_sim.report.truth import GroundTruth
 from snnav_sim.scene import Scene, dump_scene
 
-__all__ = ["check_run_directory", "write_run_directory", "write_tables"]
+__all__ = ["check_run_directory", "paths_digest", "write_run_directory", "write_tables"]
 
 TRAJECTORY_COLUMNS = ("time", "robot", "x", "y", "z", "heading", "pitch", "speed", "turn_rate")
 PATH_COLUMNS = ("time", "robot", "index", "x", "y", "z", "digest")
@@ -138,9 +140,20 @@ def write_tables(directory: Path, record: RunRecord) -> None:
 
 def _table(path: Path, columns: tuple[str, ...], rows: Iterable[tuple[Any, ...]]) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(rows)
+        _write_table(file, columns, rows)
+
+
+def _write_table(file: TextIO, columns: tuple[str, ...], rows: Iterable[tuple[Any, ...]]) -> None:
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(rows)
+
+
+def paths_digest(record: RunRecord) -> str:
+    """Return the SHA-1 of the file paths.csv that a run directory of this record holds."""
+    file = io.StringIO(newline="")
+    _write_table(file, PATH_COLUMNS, _path_rows(record.decisions))
+    return hashlib.sha1(file.getvalue().encode("utf-8"), usedforsecurity=False).hexdigest()
 
 
 def _trajectory_rows(record: RunRecord) -> list[tuple[Any, ...]]:
