@@ -219,6 +219,7 @@ class PathSource(Enum):
     )
     LAST_PATH = "last_path"  # the last certified path, followed inside its window
     EVASION = "evasion"  # out of the way of what comes nearer, while there is no safe way to the target
+    YIELD = "yield"  # out of the way of another robot, to wait there until that one has passed
 
 
 class StopReason(Enum):
@@ -233,6 +234,7 @@ class StopReason(Enum):
     GOAL_UNREACHABLE = "goal_unreachable"
     NO_PATH = "no_path"
     BLOCKED_BY_ROBOT = "blocked_by_robot"
+    YIELDS = "yields"  # waits out of the way of another robot; the message says for whom
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon
+from shapely.geometry.base import BaseGeometry
 
 from snnav_core.area.planar import UnoccupiedArea, as_multipolygon, component_at, reduce_area, remove_disks
 from snnav_core.planning.certificate import BoundaryIndex
@@ -43,6 +44,7 @@ class AreaContext:
         self._without: dict[tuple[float, Disks], MultiPolygon] = {}
         self._curves: dict[bytes, AreaCurves] = {}
         self._trees: dict[tuple[AreaCurves, float, float], GoalTree] = {}
+        self._opened: dict[tuple[float, float], BaseGeometry] = {}
 
     @cached_property
     def digest(self) -> bytes:
@@ -79,6 +81,17 @@ class AreaContext:
             values = np.array(disks)
             self._without[key, disks] = remove_disks(self._reduced[key], values[:, :2], values[:, 2])
         return self._without[key, disks]
+
+    def opened(self, distance: float, half: float) -> BaseGeometry:
+        """Where a disk of radius `half` [m] fits into the area reduced by `distance` [m]: the union of all such disks.
+
+        Two robots fit side by side there.
+        """
+        key = (round(distance, 6), round(half, 6))
+        if key not in self._opened:
+            self._opened[key] = self.region(distance + half, ()).buffer(1.05 * half, quad_segs=4)
+            shapely.prepare(self._opened[key])
+        return self._opened[key]
 
     def curves(self, distance: float, disks: Disks, target: FloatArray) -> AreaCurves | None:
         """Curves of the component of the reduced area that holds the target (2,) [m, map], or None."""

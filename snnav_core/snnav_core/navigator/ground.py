@@ -16,8 +16,10 @@ from snnav_core.navigator.attempt import Attempt
 from snnav_core.navigator.context import AreaContext
 from snnav_core.navigator.explain import Explainer
 from snnav_core.navigator.prediction import predicted_pose
+from snnav_core.navigator.right_of_way import RightOfWay
 from snnav_core.navigator.robot_planner import RobotMemory, plan_robot
 from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
+from snnav_core.navigator.ways import Party
 from snnav_core.planning.separation import OtherRobot, separation
 from snnav_core.types import (
     HeardPath,
@@ -93,12 +95,14 @@ class GroundNavigator:
         for known in (self.robots, self._distances, self._memory, self._states):
             known.pop(robot_id, None)
         self._explainer.forget(robot_id)
+        self._right_of_way.remove(robot_id)
 
     def reset(self) -> None:
         """Forget all paths, as after a jump of time."""
         self._memory: dict[str, RobotMemory] = {}
         self._states: dict[str, RobotState] = {}
         self._explainer = Explainer(self.settings.search_interval)
+        self._right_of_way = RightOfWay(self.settings)
         self._context: AreaContext | None = None
         self._previous: AreaContext | None = None
         self._changed = True
@@ -160,14 +164,51 @@ class GroundNavigator:
             if name in self.robots and not self._state_fault(time, state):
                 self._states[name] = state
         self._hear(heard, goals)
-        decisions: dict[str, PlannedPath | Stop] = {}
-        for name in self.served:
-            others = self._others(name, time, decisions)
-            decisions[name] = self._decide(self.robots[name], time, states.get(name), goals.get(name), others)
-        stop_foreign = self._settle(time, decisions)
+        served = self.served
+        self._right_of_way.update(self._area_context, self._parties(time, states, goals), goals)
+        decided: dict[str, PlannedPath | Stop] = {}
+        order = self._right_of_way.sequence()
+        for name in [*(name for name in order if name in served), *(name for name in served if name not in order)]:
+            others = self._others(name, time, decided)
+            decided[name] = self._decide(self.robots[name], time, states.get(name), goals.get(name), others)
+        stop_foreign = self._settle(time, decided)
+        decisions = {name: decided[name] for name in served}
         for name, decision in decisions.items():
             self._remember(name, decision)
+        self._right_of_way.note(decisions)
         return StepResult(time, decisions, stop_foreign)
+
+    @property
+    def _area_context(self) -> AreaContext:
+        assert self._context is not None
+        return self._context
+
+    def _parties(
+        self, time: float, states: Mapping[str, RobotState], goals: Mapping[str, tuple[float, float]]
+    ) -> dict[str, Party]:
+        """All robots whose pose is known now, as others have to reckon with them."""
+        parties = {}
+        served = set(self.served)
+        for name, robot in self.robots.items():
+            state, memory = states.get(name), self._memory.get(name)
+            if state is None or self._state_fault(time, state):
+                continue
+            goal = goals.get(name)
+            if goal is not None and not all(math.isfinite(value) for value in goal):
+                goal = None
+            plan = None if memory is None else memory.plan
+            pose = predicted_pose(robot, state, plan, time)
+            parties[name] = Party(
+                robot,
+                self._distances[name],
+                pose,
+                None if goal is None else np.array(goal),
+                plan,
+                memory is not None and memory.goal == goal and not memory.evading,
+                memory is not None and memory.goal == goal and memory.arrived,
+                name in served,
+            )
+        return parties
 
     def _hear(self, heard: Mapping[str, HeardPath], goals: Mapping[str, tuple[float, float]]) -> None:
         """Keep what others promised, and forget the paths of own robots that others stopped."""
@@ -246,8 +287,7 @@ class GroundNavigator:
         goal: tuple[float, float] | None,
         others: Sequence[OtherRobot],
     ) -> PlannedPath | Stop:
-        context = self._context
-        assert context is not None
+        context = self._area_context
         unusable = self._state_fault(time, state)
         if state is None or unusable:
             message = f"pose of robot {robot.id} {unusable}; check its odometry"
@@ -258,10 +298,11 @@ class GroundNavigator:
             return Stop(
                 robot.id, StopReason.NO_GOAL, f"goal {goal} of robot {robot.id} is not finite; set another"
             )
+        makes_room, goal = self._right_of_way.goal(robot.id, goal)
         memory = self._memory.get(robot.id)
+        pose = predicted_pose(robot, state, None if memory is None else memory.plan, time)
         if memory is None or memory.goal != goal:
             memory = RobotMemory(goal, np.array(goal, dtype=np.float64))
-        pose = predicted_pose(robot, state, memory.plan, time)
         position, distances = pose.position, self._distances[robot.id]
         attempt = Attempt(
             context,
@@ -278,11 +319,17 @@ class GroundNavigator:
         if context.area.is_empty:
             message = f"nothing is known to be free by the area stamped {context.area.stamp:.2f} s; check the sensors"
             return self._explainer.explain(Stop(robot.id, StopReason.NO_AREA, message), attempt, goal)
+        waits = self._right_of_way.waits(robot.id, pose, distances.arrival)
+        if waits is not None:
+            self._memory[robot.id] = replace(memory, plan=None)
+            return waits
         distance = float(np.linalg.norm(position - memory.target))
-        if memory.arrived or min(distance, math.dist(goal, position)) <= distances.arrival:
+        near = memory.arrived or min(distance, math.dist(goal, position)) <= distances.arrival
+        if near and not makes_room:
             self._memory[robot.id] = replace(memory, arrived=True, plan=None)
             return Stop(robot.id, StopReason.ARRIVED, f"robot {robot.id} is {distance:.2f} m from its target")
         decision, self._memory[robot.id] = plan_robot(attempt, memory, self._changed)
+        decision = self._right_of_way.labelled(robot.id, decision)
         if isinstance(decision, Stop):
             return self._explainer.explain(decision, attempt, goal)
         self._explainer.forget(robot.id)

@@ -1,0 +1,147 @@
+"""What the navigator knows of who goes first and who makes room: precedence, ways and orders, from step to step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from snnav_core.navigator.context import AreaContext
+from snnav_core.navigator.precedence import Precedence
+from snnav_core.navigator.settings import NavigatorSettings
+from snnav_core.navigator.ways import Party, Ways
+from snnav_core.navigator.yielding import Yielding
+from snnav_core.types import PathSource, PlannedPath, Pose2D, Stop, StopReason
+
+__all__ = ["RightOfWay"]
+
+_STILL = 0.02  # [m] and
+_STEADY = 0.05  # [rad] that a robot moves less in a decision when it is stuck
+_STUCK = 6  # decisions in a row without moving, whatever is said of it, that count as blocked
+
+
+class RightOfWay:
+    """Precedence and yielding of all robots of one navigator.
+
+    Parameters
+    ----------
+    settings : NavigatorSettings
+    """
+
+    def __init__(self, settings: NavigatorSettings) -> None:
+        self._settings = settings
+        self.precedence = Precedence()
+        self._yielding = Yielding()
+        self._poses: dict[str, Pose2D] = {}
+        self._still: dict[str, int] = {}
+        self._goals: dict[str, tuple[float, float]] = {}
+        self._near = 0.0
+
+    def remove(self, name: str) -> None:
+        """Forget a robot."""
+        self.precedence.remove(name)
+        self._yielding.forget(name)
+        for known in (self._poses, self._still, self._goals):
+            known.pop(name, None)
+
+    def update(
+        self, context: AreaContext, parties: Mapping[str, Party], goals: Mapping[str, tuple[float, float]]
+    ) -> None:
+        """Decide who makes room in this step, before any path is decided.
+
+        Parameters
+        ----------
+        context : AreaContext
+        parties : mapping
+            Robot id -> Party, of all robots that are heard of.
+        goals : mapping
+            Robot id -> target [m, map].
+        """
+        speeds = [party.robot.speed for party in parties.values()]
+        self._near = 2.0 * self._settings.safety_margin + 2.0 * max(speeds, default=0.0) * self._settings.sampling_interval
+        for name, party in parties.items():
+            self.precedence.add(name)
+            self._watch(name, party.pose)
+            if self._goals.get(name) != goals.get(name):
+                self._yielding.forget(name)
+        self._goals = dict(goals)
+        if len(parties) < 2 or context.area.is_empty:
+            return
+        blocked = {
+            name: max(self.precedence.blocked(name), self._still.get(name, 0) - _STUCK)
+            for name, party in parties.items()
+            if party.goal is not None and not party.arrived and not self._yielding.rests(name)
+        }
+        self._yielding.update(Ways(context, self._settings, parties), self.precedence, blocked)
+
+    def _watch(self, name: str, pose: Pose2D) -> None:
+        """Count for how many decisions a robot has not moved."""
+        last = self._poses.get(name)
+        self._poses[name] = pose
+        if (
+            last is not None
+            and math.dist((last.x, last.y), (pose.x, pose.y)) < _STILL
+            and abs(math.remainder(last.heading - pose.heading, 2.0 * math.pi)) < _STEADY
+        ):
+            self._still[name] = self._still.get(name, 0) + 1
+        else:
+            self._still[name] = 0
+
+    def sequence(self) -> list[str]:
+        """All robots that were heard of, in the order in which they are decided."""
+        return self.precedence.sequence(self._yielding.waits_for)
+
+    def goal(self, name: str, goal: tuple[float, float]) -> tuple[bool, tuple[float, float]]:
+        """Whether a robot makes room now, and where it goes: out of the way of another one, or to its goal [m, map]."""
+        order = self._yielding.orders.get(name)
+        return (False, goal) if order is None else (True, (float(order.place[0]), float(order.place[1])))
+
+    def waits(self, name: str, pose: Pose2D, arrival: float) -> Stop | None:
+        """The stop of a robot that is where it waits for another one; None for all the others."""
+        order = self._yielding.orders.get(name)
+        if order is None:
+            return None
+        away = float(np.linalg.norm(order.place - pose.position))
+        if away > arrival and not (order.reached and away < 1.5 * arrival):
+            return None
+        self._yielding.reach(name)
+        for_whom = " and ".join(order.whom)
+        return Stop(
+            name,
+            StopReason.YIELDS,
+            f"robot {name} waits at ({pose.x:.2f}, {pose.y:.2f}) until robot {for_whom} has passed",
+        )
+
+    def labelled(self, name: str, decision: PlannedPath | Stop) -> PlannedPath | Stop:
+        """A decision with the name of what it is for: making room for another robot, or blocked by one and by whom."""
+        order = self._yielding.orders.get(name)
+        if isinstance(decision, PlannedPath):
+            return decision if order is None else replace(decision, source=PathSource.YIELD)
+        if order is not None and decision.reason is not StopReason.NO_AREA:
+            if decision.reason is not StopReason.BLOCKED_BY_ROBOT:
+                self._yielding.forget(name)
+            message = f"robot {name} shall make room for robot {order.whom[0]}; {decision.message}"
+            return replace(decision, reason=StopReason.BLOCKED_BY_ROBOT, message=message)
+        text = self._yielding.text(name)
+        if text and decision.reason in (StopReason.BLOCKED_BY_ROBOT, StopReason.NO_PATH):
+            return Stop(name, StopReason.BLOCKED_BY_ROBOT, f"robot {name} waits: {text}")
+        return decision
+
+    def note(self, decisions: Mapping[str, PlannedPath | Stop]) -> None:
+        """Remember who is blocked by others."""
+        self.precedence.note(
+            {name: isinstance(decision, Stop) and self._by_robot(decision) for name, decision in decisions.items()}
+        )
+
+    def _by_robot(self, stop: Stop) -> bool:
+        """Whether a robot waits because of others: somebody is near who bends its path until it cannot be driven."""
+        if stop.reason is StopReason.NO_PATH:
+            pose = self._poses.get(stop.robot_id)
+            return pose is not None and any(
+                math.dist((pose.x, pose.y), (other.x, other.y)) < self._near
+                for name, other in self._poses.items()
+                if name != stop.robot_id
+            )
+        return stop.reason is StopReason.BLOCKED_BY_ROBOT
