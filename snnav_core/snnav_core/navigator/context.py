@@ -10,15 +10,25 @@ import shapely
 from shapely.geometry import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
-from snnav_core.area.planar import UnoccupiedArea, as_multipolygon, component_at, reduce_area, remove_disks
+from snnav_core.area.planar import (
+    UnoccupiedArea,
+    as_multipolygon,
+    component_at,
+    reduce_area,
+    remove_disks,
+    shrink,
+)
+from snnav_core.navigator.settings import NavigatorSettings
 from snnav_core.planning.certificate import BoundaryIndex
 from snnav_core.planning.curves import AreaCurves
 from snnav_core.planning.shortest import GoalTree
 from snnav_core.types import FloatArray
 
-__all__ = ["AreaContext", "Disks"]
+__all__ = ["AreaContext", "Disks", "aged"]
 
 _NARROW_SHARE, _WIDE_SHARE = 0.00125, 0.01  # of the distance: below 1 m passages matter, above speed does
+
+_TIME_TOLERANCE = 1e-6  # [s]
 
 _MOST_KEPT = 64  # sets of standing robots, and targets, that are remembered
 
@@ -123,3 +133,14 @@ class AreaContext:
         away = nearest - point
         length = float(np.linalg.norm(away))
         return nearest + away / length * 1e-6 if length > 0.0 else nearest
+
+
+def aged(area: UnoccupiedArea, time: float, settings: NavigatorSettings) -> UnoccupiedArea:
+    """The part of an older area that is free for sure at `time` [s]; nothing when it is older than the window."""
+    age, interval = time - area.stamp, settings.sampling_interval
+    if not -interval <= age <= settings.time_window * interval:
+        return UnoccupiedArea(area.stamp, MultiPolygon(), area.contradictions, area.lost)
+    if age <= _TIME_TOLERANCE:
+        return area
+    region = shrink(area.region, age * settings.boundary_speed)
+    return UnoccupiedArea(area.stamp, region, area.contradictions, area.lost)

@@ -8,14 +8,13 @@ from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
-from shapely.geometry import MultiPolygon
 
-from snnav_core.area.planar import UnoccupiedArea, shrink
+from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.errors import InvalidInput
 from snnav_core.navigator.attempt import Attempt
-from snnav_core.navigator.context import AreaContext
+from snnav_core.navigator.context import AreaContext, aged
 from snnav_core.navigator.explain import Explainer
-from snnav_core.navigator.prediction import predicted_pose
+from snnav_core.navigator.prediction import TIME_TOLERANCE, onwards, predicted_pose, state_fault, up_to
 from snnav_core.navigator.right_of_way import RightOfWay
 from snnav_core.navigator.robot_planner import RobotMemory, plan_robot
 from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
@@ -33,8 +32,6 @@ from snnav_core.types import (
 )
 
 __all__ = ["GroundNavigator"]
-
-_TIME_TOLERANCE = 1e-6
 
 
 class GroundNavigator:
@@ -159,16 +156,19 @@ class GroundNavigator:
         if time < self._time:
             self.reset()
         self._time = time
-        self._update_context(self._aged(area, time))
+        self._update_context(aged(area, time, self.settings))
         for name, state in states.items():
-            if name in self.robots and not self._state_fault(time, state):
+            if name in self.robots and not state_fault(state, time, self.settings.sampling_interval):
                 self._states[name] = state
         self._hear(heard, goals)
         served = self.served
         self._right_of_way.update(self._area_context, self._parties(time, states, goals), goals)
         decided: dict[str, PlannedPath | Stop] = {}
         order = self._right_of_way.sequence()
-        for name in [*(name for name in order if name in served), *(name for name in served if name not in order)]:
+        for name in [
+            *(name for name in order if name in served),
+            *(name for name in served if name not in order),
+        ]:
             others = self._others(name, time, decided)
             decided[name] = self._decide(self.robots[name], time, states.get(name), goals.get(name), others)
         stop_foreign = self._settle(time, decided)
@@ -191,7 +191,7 @@ class GroundNavigator:
         served = set(self.served)
         for name, robot in self.robots.items():
             state, memory = states.get(name), self._memory.get(name)
-            if state is None or self._state_fault(time, state):
+            if state is None or state_fault(state, time, self.settings.sampling_interval):
                 continue
             goal = goals.get(name)
             if goal is not None and not all(math.isfinite(value) for value in goal):
@@ -219,16 +219,6 @@ class GroundNavigator:
             if heard[name].path is None and name in self._memory:
                 self._memory[name] = replace(self._memory[name], plan=None)
 
-    def _aged(self, area: UnoccupiedArea, time: float) -> UnoccupiedArea:
-        """The part of an older area that is free for sure at `time` [s]; nothing when it is older than the window."""
-        age, interval = time - area.stamp, self.settings.sampling_interval
-        if not -interval <= age <= self.settings.time_window * interval:
-            return UnoccupiedArea(area.stamp, MultiPolygon(), area.contradictions, area.lost)
-        if age <= _TIME_TOLERANCE:
-            return area
-        region = shrink(area.region, age * self.settings.boundary_speed)
-        return UnoccupiedArea(area.stamp, region, area.contradictions, area.lost)
-
     def _update_context(self, area: UnoccupiedArea) -> None:
         fresh = AreaContext(area, self.settings.simplification)
         if self._context is not None and self._context.digest == fresh.digest:
@@ -250,8 +240,8 @@ class GroundNavigator:
             step = self._distances[other].step
             paths = [] if state is None else [TimedPath(time, step, state.pose.position[None])]
             if path is not None:
-                paths = [_until(path, promise.valid_until)]
-            elif promise.path is not None and state is not None and state.stamp < time - _TIME_TOLERANCE:
+                paths = [up_to(path, promise.valid_until)]
+            elif promise.path is not None and state is not None and state.stamp < time - TIME_TOLERANCE:
                 # Not heard of since: it stands somewhere on what was left of its way.
                 left = np.arange(state.stamp, promise.valid_until + 0.5 * step, step)
                 paths += [TimedPath(time, step, point[None]) for point in promise.path.positions_at(left)]
@@ -288,7 +278,7 @@ class GroundNavigator:
         others: Sequence[OtherRobot],
     ) -> PlannedPath | Stop:
         context = self._area_context
-        unusable = self._state_fault(time, state)
+        unusable = state_fault(state, time, self.settings.sampling_interval)
         if state is None or unusable:
             message = f"pose of robot {robot.id} {unusable}; check its odometry"
             return Stop(robot.id, StopReason.NO_STATE, message)
@@ -335,17 +325,6 @@ class GroundNavigator:
         self._explainer.forget(robot.id)
         return decision
 
-    def _state_fault(self, time: float, state: RobotState | None) -> str:
-        """Why a measured state cannot be used, or an empty string."""
-        if state is None:
-            return "is missing"
-        if not abs(time - state.stamp) <= self.settings.sampling_interval + _TIME_TOLERANCE:
-            return f"was measured {time - state.stamp:.2f} s ago"
-        pose = state.pose
-        if not all(math.isfinite(value) for value in (pose.x, pose.y, pose.heading)):
-            return f"is ({pose.x}, {pose.y}, {pose.heading})"
-        return ""
-
     def _settle(self, time: float, decisions: dict[str, PlannedPath | Stop]) -> dict[str, Stop]:
         """Stop robots whose paths no longer agree with what others decided after them, until all agree.
 
@@ -387,10 +366,10 @@ class GroundNavigator:
             moves = promise.path is not None and len(promise.path) > 1 and time < promise.valid_until
             if promise.path is None or not moves or name not in self.robots:
                 continue
-            decided = abs(promise.path.start_time - time) <= _TIME_TOLERANCE
+            decided = abs(promise.path.start_time - time) <= TIME_TOLERANCE
             until = min(promise.valid_until, time + (self.settings.time_window if decided else 2) * interval)
             others = [other for other in self._others(name, time, decisions) if other.id in decisions]
-            way = _from(_until(promise.path, promise.valid_until), time)
+            way = onwards(up_to(promise.path, promise.valid_until), time)
             _, _, fault = separation(way, others, until, margin, interval)
             if fault:
                 stops.append(Stop(name, StopReason.BLOCKED_BY_ROBOT, f"robot {name} waits: {fault}"))
@@ -414,18 +393,3 @@ class GroundNavigator:
 def _is_silent(decision: PlannedPath | Stop) -> bool:
     """Whether a robot got no path because nothing is heard of it: it may still follow its last one."""
     return isinstance(decision, Stop) and decision.reason is StopReason.NO_STATE
-
-
-def _until(path: TimedPath, end: float) -> TimedPath:
-    """The part of a path up to time `end` [s], where the robot stops without a new one."""
-    count = math.floor((end - path.start_time) / path.step + 1e-6) + 1
-    return path if count >= len(path) else TimedPath(path.start_time, path.step, path.points[: max(count, 1)])
-
-
-def _from(path: TimedPath, start: float) -> TimedPath:
-    """The part of a path from a time [s] inside it on."""
-    if path.start_time >= start - _TIME_TOLERANCE:
-        return path
-    count = max(1, math.ceil((path.end_time - start) / path.step - 1e-6) + 1)
-    times = start + path.step * np.arange(count, dtype=np.float64)
-    return TimedPath(start, path.step, path.positions_at(times), path.turn_to)

@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from snnav_core.area.planar import as_multipolygon
 from snnav_core.navigator.context import AreaContext, Disks
 from snnav_core.navigator.settings import RobotDistances
 from snnav_core.planning.shortest import GoalTree
@@ -20,7 +21,9 @@ _REACH = 15.0  # [m]; places farther away are not looked at
 _SPACING = 0.5  # [m] between places that are looked at
 _MOST = 60  # places to which ways are sought
 _HAIR = 0.01  # [m] inside of the region
-_IN_THE_WAY = 4.0  # [m] of detour that are worth keeping out of somebody's way, or not having to push somebody aside
+_IN_THE_WAY = (
+    4.0  # [m] of detour that are worth keeping out of somebody's way, or not having to push somebody aside
+)
 
 
 @dataclass(frozen=True)
@@ -80,9 +83,10 @@ def _candidates(free: BaseGeometry, start: FloatArray) -> FloatArray:
     points = [np.empty((0, 2))]
     here = shapely.points(start)
     inner = free.buffer(-_HAIR)
-    for part in shapely.get_parts(inner):
-        if part.geom_type == "Polygon" and not part.is_empty:
-            points.append(shapely.get_coordinates(shapely.shortest_line(part, here))[:1])
+    points += [
+        shapely.get_coordinates(shapely.shortest_line(part, here))[:1]
+        for part in shapely.get_parts(as_multipolygon(inner))
+    ]
     steps = np.arange(-_REACH, _REACH + 0.5 * _SPACING, _SPACING)
     grid = start + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     shapely.prepare(inner)

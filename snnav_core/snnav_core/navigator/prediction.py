@@ -1,4 +1,4 @@
-"""Where a robot is at the instant of a decision, measured a little earlier (C3-33)."""
+"""Where a robot is at the instant of a decision, measured a little earlier (C3-33), and what is left of its path."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import numpy as np
 
 from snnav_core.types import FloatArray, PlannedPath, Pose2D, RobotSpec, RobotState, TimedPath
 
-__all__ = ["predicted_pose"]
+__all__ = ["TIME_TOLERANCE", "onwards", "predicted_pose", "state_fault", "up_to"]
 
-_NO_TIME = 1e-6  # [s]
+TIME_TOLERANCE = 1e-6  # [s]
+TIME_TOLERANCE = 1e-6  # [s]
 
 
 def predicted_pose(robot: RobotSpec, state: RobotState, plan: PlannedPath | None, time: float) -> Pose2D:
@@ -35,7 +36,7 @@ def predicted_pose(robot: RobotSpec, state: RobotState, plan: PlannedPath | None
     -----
     Deviation C3-33: odometry is a little older than the decision. In lockstep it is not, and nothing changes.
     """
-    if plan is None or time - state.stamp <= _NO_TIME:
+    if plan is None or time - state.stamp <= TIME_TOLERANCE:
         return state.pose
     until = min(time, plan.certificate.valid_until)
     since = max(state.stamp, plan.path.start_time)
@@ -67,3 +68,30 @@ def _tangents(path: TimedPath, times: FloatArray) -> FloatArray:
         (times - path.start_time) / path.step, np.arange(len(vertices)), vertices
     )
     return headings
+
+
+def state_fault(state: RobotState | None, time: float, interval: float) -> str:
+    """Why a measured state cannot be used at `time` [s], one `interval` [s] old at most, or an empty string."""
+    if state is None:
+        return "is missing"
+    if not abs(time - state.stamp) <= interval + TIME_TOLERANCE:
+        return f"was measured {time - state.stamp:.2f} s ago"
+    pose = state.pose
+    if not all(math.isfinite(value) for value in (pose.x, pose.y, pose.heading)):
+        return f"is ({pose.x}, {pose.y}, {pose.heading})"
+    return ""
+
+
+def up_to(path: TimedPath, end: float) -> TimedPath:
+    """The part of a path up to time `end` [s], where the robot stops without a new one."""
+    count = math.floor((end - path.start_time) / path.step + 1e-6) + 1
+    return path if count >= len(path) else TimedPath(path.start_time, path.step, path.points[: max(count, 1)])
+
+
+def onwards(path: TimedPath, start: float) -> TimedPath:
+    """The part of a path from a time [s] inside it on."""
+    if path.start_time >= start - TIME_TOLERANCE:
+        return path
+    count = max(1, math.ceil((path.end_time - start) / path.step - 1e-6) + 1)
+    times = start + path.step * np.arange(count, dtype=np.float64)
+    return TimedPath(start, path.step, path.positions_at(times), path.turn_to)

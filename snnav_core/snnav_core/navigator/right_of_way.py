@@ -60,7 +60,10 @@ class RightOfWay:
             Robot id -> target [m, map].
         """
         speeds = [party.robot.speed for party in parties.values()]
-        self._near = 2.0 * self._settings.safety_margin + 2.0 * max(speeds, default=0.0) * self._settings.sampling_interval
+        self._near = (
+            2.0 * self._settings.safety_margin
+            + 2.0 * max(speeds, default=0.0) * self._settings.sampling_interval
+        )
         for name, party in parties.items():
             self.precedence.add(name)
             self._watch(name, party.pose)
@@ -126,13 +129,18 @@ class RightOfWay:
             return replace(decision, reason=StopReason.BLOCKED_BY_ROBOT, message=message)
         text = self._yielding.text(name)
         if text and decision.reason in (StopReason.BLOCKED_BY_ROBOT, StopReason.NO_PATH):
-            return Stop(name, StopReason.BLOCKED_BY_ROBOT, f"robot {name} waits: {text}")
+            by_robot = decision.reason is StopReason.BLOCKED_BY_ROBOT
+            message = f"{decision.message}; {text}" if by_robot else f"robot {name} waits: {text}"
+            return Stop(name, StopReason.BLOCKED_BY_ROBOT, message)
         return decision
 
     def note(self, decisions: Mapping[str, PlannedPath | Stop]) -> None:
         """Remember who is blocked by others."""
         self.precedence.note(
-            {name: isinstance(decision, Stop) and self._by_robot(decision) for name, decision in decisions.items()}
+            {
+                name: isinstance(decision, Stop) and self._by_robot(decision)
+                for name, decision in decisions.items()
+            }
         )
 
     def _by_robot(self, stop: Stop) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -21,7 +22,6 @@ _SLACK = 0.05  # [m] that a place to wait is farther from a way than it must be,
 _SOONER = 4  # ticks; who is so much sooner at a narrow place goes first, else who has precedence
 _BEYOND = 12  # ticks after a narrow place that belong to the claim as well
 _BLOCKED = 2  # decisions in a row after which a blocked robot makes others move
-_STUCK = 10  # decisions in a row without moving that count as blocked
 _RETRY = 6  # decisions after which somebody who found no place looks again
 _ATTEMPTS = 3  # places farther and farther off the claim
 _NEAR = 2.0  # times the distance to keep; within it somebody who is blocked looks for who blocks it
@@ -203,7 +203,7 @@ class Yielding:
             point = way.points[tick]
             enough = clearance[tick] >= 1.012 * party.distances.tightest or tick == 0
             if enough and self._is_free(name, point):
-                return point
+                return np.asarray(point)
         return None
 
     def _is_free(self, name: str, point: FloatArray) -> bool:
@@ -223,11 +223,7 @@ class Yielding:
 
     def _untie(self, names: list[str], precedence: Precedence, blocked: Mapping[str, int]) -> None:
         """Find who blocks whom, and make somebody move where all wait for each other."""
-        blockers = {
-            name: self._blocker(name)
-            for name in names
-            if blocked.get(name, 0) >= _BLOCKED
-        }
+        blockers = {name: self._blocker(name) for name in names if blocked.get(name, 0) >= _BLOCKED}
         for name in names:
             if blockers.get(name) is None:
                 continue
@@ -242,11 +238,7 @@ class Yielding:
                 chain = [*chain[chain.index(following) :], following]
             elif not self._stands(last):
                 continue
-            edges = [
-                (one, other)
-                for one, other in zip(chain[:-1], chain[1:], strict=True)
-                if blockers.get(one) == other
-            ]
+            edges = [(one, other) for one, other in itertools.pairwise(chain) if blockers.get(one) == other]
             if following is None:
                 edges = edges[-1:]
             edges.sort(key=lambda edge: precedence.rank(edge[0]))
