@@ -26,6 +26,8 @@ _DOING = {
     "last_path": "follows its last path",
     "turn_in_place": "turns on the spot",
     "evasion": "makes room",
+    "yield": "makes room for a robot",
+    "yields": "waits for a robot",
     "arrived": "has arrived",
 }
 

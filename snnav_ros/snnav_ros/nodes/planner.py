@@ -288,7 +288,7 @@ class PlannerNode(ManagedNode):
             return
         if not isinstance(decision, Stop):
             self.get_logger().info(f"robot {name} drives again")
-        elif reason in (StopReason.ARRIVED, StopReason.NO_GOAL):
+        elif reason in (StopReason.ARRIVED, StopReason.NO_GOAL, StopReason.YIELDS):
             self.get_logger().info(f"robot {name} stops ({decision.reason.value}): {decision.message}")
         else:
             self.get_logger().warning(f"robot {name} stops ({decision.reason.value}): {decision.message}")
