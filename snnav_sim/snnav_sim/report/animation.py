@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial import cKDTree
 
-from snnav_sim.report.drawing import MARGIN, MOVER, SEEN, robot_colour
+from snnav_sim.report.drawing import MARGIN, MOVER, SEEN
+from snnav_sim.report.look import Look
 from snnav_sim.report.moment import Moments
 from snnav_sim.report.stage import Stage, stage_legend
 from snnav_sim.report.truth import GroundTruth
@@ -42,7 +43,7 @@ def draw_animation(scene: Scene, truth: GroundTruth, moments: Moments, file: Pat
     times.append(steps * scene.control_period)
     frames = list(_frames(scene, truth, moments, times))
     sample = [frames[index] for index in np.linspace(0, len(frames) - 1, _SAMPLES).astype(int)]
-    colours = _palette(sample, [MARGIN, MOVER, *map(robot_colour, range(min(len(scene.robots), 8)))])
+    colours = _palette(sample, [MARGIN, MOVER, *dict.fromkeys(Look.of(scene).colours)])
     images = [_coded(frame, colours) for frame in frames]
     shown = [_FRAME] * (len(images) - 1) + [_LAST_FRAME]
     images[0].save(file, save_all=True, append_images=images[1:], duration=shown, loop=0, optimize=False)

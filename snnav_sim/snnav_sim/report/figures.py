@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,8 @@ from snnav_sim.report.drawing import (
     draw_world,
     fill,
     frame,
-    robot_colour,
 )
+from snnav_sim.report.look import Look, short_names
 from snnav_sim.report.record import RunRecord
 from snnav_sim.report.truth import GroundTruth
 from snnav_sim.scene_types import Mover, RobotScene, Scene
@@ -40,6 +41,7 @@ _WIDTH = 11.0  # inches
 _DPI = 110
 _PATHS_SHOWN = 6
 _GHOSTS = 5
+_SHOWN = 8.0  # times the margin; larger distances are left out when there are many robots
 
 
 def draw_scene(scene: Scene, record: RunRecord, truth: GroundTruth, file: Path) -> None:
@@ -60,8 +62,9 @@ def draw_scene(scene: Scene, record: RunRecord, truth: GroundTruth, file: Path) 
     limits = [draw_sensor(axes, scene, sensor) for sensor in scene.sensors]
     for mover in scene.movers:
         _draw_way(axes, mover, _end(record))
-    for index, robot in enumerate(scene.robots):
-        _draw_drive(axes, scene, robot, record, robot_colour(index))
+    look = Look.of(scene)
+    for robot, colour in zip(scene.robots, look.colours, strict=True):
+        _draw_drive(axes, scene, robot, record, look, colour)
     frame(axes, scene)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
@@ -71,19 +74,37 @@ def draw_scene(scene: Scene, record: RunRecord, truth: GroundTruth, file: Path) 
     figure.savefig(file, dpi=_DPI, bbox_inches="tight", pad_inches=0.15)
 
 
-def _draw_drive(axes: Axes, scene: Scene, robot: RobotScene, record: RunRecord, colour: str) -> None:
+def _draw_drive(
+    axes: Axes, scene: Scene, robot: RobotScene, record: RunRecord, look: Look, colour: str
+) -> None:
     """Draw start, published paths, trajectory and target of a robot."""
     rows = record.trajectory(robot.id)
-    for path in _shown_paths(record, robot.id):
+    for path in _shown_paths(record, robot.id) if not look.crowded else ():
         axes.plot(path[:, 0], path[:, 1], color=colour, linewidth=0.8, alpha=0.45, zorder=5)
-    axes.plot(rows[:, 1], rows[:, 2], color=colour, linewidth=2.2, zorder=6, label=robot.id)
+    axes.plot(rows[:, 1], rows[:, 2], color=colour, linewidth=look.width, zorder=6, label=robot.id)
     disk = CirclePatch(
-        robot.start, robot.radius, facecolor="white", edgecolor=colour, linewidth=1.5, zorder=7
+        robot.start, robot.radius, facecolor="white", edgecolor=colour, linewidth=1.5 * look.marks, zorder=7
     )
     axes.add_patch(disk)
-    if scene.movers or len(scene.robots) > 1:
+    if look.named:
+        name = short_names([each.id for each in scene.robots])[robot.id]
+        away = np.array(robot.start) - robot.target
+        x, y = np.array(robot.start) + (robot.radius + 0.5) * away / max(float(np.hypot(*away)), 1e-9)
+        axes.text(
+            float(x),
+            float(y),
+            name,
+            color=colour,
+            fontsize=8,
+            ha="center",
+            va="center",
+            zorder=9,
+            clip_on=True,
+        )
+    if not look.crowded and (scene.movers or len(scene.robots) > 1):
         _draw_robot_ghosts(axes, rows, robot.radius, colour)
-    axes.plot(*robot.target, marker="X", markersize=9, color=colour, markeredgecolor="white", zorder=8)
+    size = 9 * look.marks
+    axes.plot(*robot.target, marker="X", markersize=size, color=colour, markeredgecolor="white", zorder=8)
 
 
 def draw_clearance(scene: Scene, record: RunRecord, truth: GroundTruth, file: Path) -> None:
@@ -93,13 +114,11 @@ def draw_clearance(scene: Scene, record: RunRecord, truth: GroundTruth, file: Pa
     """
     figure = Figure(figsize=(_WIDTH, 4.2), layout="constrained")
     axes = figure.add_subplot()
-    bottom, top = 0.0, 2.0 * scene.safety_margin
-    for index, robot in enumerate(scene.robots):
-        rows = record.trajectory(robot.id)
-        if len(rows) == 0:
-            continue
-        low, high = _draw_distances(axes, scene, truth, robot.id, rows, robot_colour(index))
-        bottom, top = min(bottom, low), max(top, high)
+    look = Look.of(scene)
+    if look.crowded:
+        bottom, top = _draw_many_distances(axes, scene, record, truth, look)
+    else:
+        bottom, top = _draw_few_distances(axes, scene, record, truth, look)
     axes.axhspan(bottom, scene.safety_margin, color=MARGIN, alpha=0.08, linewidth=0)
     label = f"safety margin {scene.safety_margin:g} m"
     axes.axhline(scene.safety_margin, color=MARGIN, linewidth=1.2, linestyle="--", label=label)
@@ -112,6 +131,42 @@ def draw_clearance(scene: Scene, record: RunRecord, truth: GroundTruth, file: Pa
     axes.set_title(f"{scene.name}: distance from the robot's centre to {what}", loc="left", fontsize=11)
     axes.legend(fontsize=8, ncols=3, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.15))
     figure.savefig(file, dpi=_DPI, bbox_inches="tight", pad_inches=0.15)
+
+
+def _draw_few_distances(
+    axes: Axes, scene: Scene, record: RunRecord, truth: GroundTruth, look: Look
+) -> tuple[float, float]:
+    """Draw two named curves of every robot; return how far up and down to show [m]."""
+    bottom, top = 0.0, 2.0 * scene.safety_margin
+    for robot, colour in zip(scene.robots, look.colours, strict=True):
+        rows = record.trajectory(robot.id)
+        if len(rows) > 0:
+            low, high = _draw_distances(axes, scene, truth, robot.id, rows, colour)
+            bottom, top = min(bottom, low), max(top, high)
+    return bottom, top
+
+
+def _draw_many_distances(
+    axes: Axes, scene: Scene, record: RunRecord, truth: GroundTruth, look: Look
+) -> tuple[float, float]:
+    """Draw one thin curve per robot and name the least distance of all; return how far up and down to show [m]."""
+    lowest: tuple[float, float, str] = (math.inf, 0.0, "")
+    for robot, colour in zip(scene.robots, look.colours, strict=True):
+        rows = record.trajectory(robot.id)
+        if len(rows) == 0:
+            continue
+        to_area, exact = truth.area_clearance(rows[:, 1:3], rows[:, 0])
+        to_area, times = to_area[exact], rows[exact, 0]
+        axes.plot(times, to_area, color=colour, linewidth=0.7)
+        low = int(np.argmin(to_area))
+        lowest = min(lowest, (float(to_area[low]), float(times[low]), robot.id))
+    least, when, name = lowest
+    if name:
+        label = f"unoccupied area's boundary, least {np.floor(100.0 * least) / 100.0:.2f} m ({name})"
+        axes.plot(when, least, "o", color="black", markersize=5, label=label, zorder=5)
+    for handle in look.legend(0.9):
+        axes.add_line(handle)
+    return min(0.0, least), _SHOWN * scene.safety_margin
 
 
 def _draw_distances(
@@ -184,13 +239,12 @@ def _shown_paths(record: RunRecord, robot: str) -> list[FloatArray]:
 
 
 def _legend(scene: Scene, planned: float | None, limits: bool) -> list[Line2D | Patch]:
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], color=robot_colour(index), linewidth=2.2, label=robot.id)
-        for index, robot in enumerate(scene.robots[:8])
-    ]
-    if len(scene.robots) > 8:
-        more = f"and {len(scene.robots) - 8} more"
-        handles.append(Line2D([], [], color="none", label=more))
+    look = Look.of(scene)
+    handles: list[Line2D | Patch] = [*look.legend(max(look.width, 1.5))]
+    if look.named:
+        handles.append(
+            Line2D([], [], color="gray", linewidth=look.width, label="trajectory of the robot named")
+        )
     handles.append(
         Line2D([], [], color="black", marker="o", linestyle="none", markersize=4, label="range finder")
     )

@@ -14,15 +14,15 @@ import shapely
 import snnav_core
 import snnav_sim
 from snnav_core.errors import PlanningError
-from snnav_core.types import FloatArray, StopReason
+from snnav_core.types import StopReason
 from snnav_sim.report.optimum import shortest_path
 from snnav_sim.report.record import Decision, RunRecord
+from snnav_sim.report.separation import separations
 from snnav_sim.report.truth import GroundTruth
 from snnav_sim.scene_types import RobotScene, Scene
 
-__all__ = ["compute_metrics", "library_versions", "separations", "step_times"]
+__all__ = ["compute_metrics", "library_versions", "step_times"]
 
-_SAME_TIME = 1e-6  # [s]
 _LIBRARIES = ("numpy", "scipy", "shapely", "numba")
 _HAIR = 1e-6  # [m]
 
@@ -42,12 +42,16 @@ def compute_metrics(
         Whether to measure the distance to the boundary of the true unoccupied area, which takes long among movers.
     """
     truth = truth or GroundTruth(scene)
+    apart = separations(scene, record).least.min(axis=1, initial=math.inf)
     return {
         "scene": scene.name,
         "seed": record.seed,
         "reason": record.reason,
         "duration": _duration(record),
-        "robots": {robot.id: _robot(robot, scene, record, truth, area) for robot in scene.robots},
+        "robots": {
+            robot.id: _robot(robot, scene, record, truth, area, least)
+            for robot, least in zip(scene.robots, apart.tolist(), strict=True)
+        },
         "planner": step_times(record.planner_seconds),
         "fusion": step_times(record.fusion_seconds),
         "versions": {**library_versions(), **record.versions},
@@ -90,7 +94,12 @@ def library_versions() -> dict[str, str]:
 
 
 def _robot(
-    robot: RobotScene, scene: Scene, record: RunRecord, truth: GroundTruth, area: bool
+    robot: RobotScene,
+    scene: Scene,
+    record: RunRecord,
+    truth: GroundTruth,
+    area: bool,
+    separation: float,
 ) -> dict[str, Any]:
     rows = record.trajectory(robot.id)
     decisions = record.decisions_of(robot.id)
@@ -106,14 +115,13 @@ def _robot(
     remaining = math.dist(points[-1], target)
     reached = reason == StopReason.ARRIVED.value and remaining <= robot.speed * scene.sampling_interval
     travelled = float(np.sum(rows[:-1, 4] * np.diff(times)))
-    least_separation = float(separations(robot, scene, record).min(initial=math.inf))
     return {
         "reached": reached,
         "arrival_time": arrival if reached else None,
         "travelled_length": _rounded(travelled),
         **_optima(robot, scene, decisions, truth, travelled + remaining if reached else None),
         "least_clearance": _floored(float(clearance.min())),
-        "least_separation": _floored(least_separation) if math.isfinite(least_separation) else None,
+        "least_separation": _floored(separation) if math.isfinite(separation) else None,
         "reason": reason,
         "message": message,
         "remaining_distance": _rounded(remaining),
@@ -177,32 +185,10 @@ def _optimum(robot: RobotScene, truth: GroundTruth, distance: float) -> float | 
         return None
 
 
-def separations(robot: RobotScene, scene: Scene, record: RunRecord) -> FloatArray:
-    """Return the distance from the robot's centre to the nearest disk of another one while both are there.
-
-    Returns
-    -------
-    ndarray, shape (N,)
-        At every row of the robot's trajectory [m]; infinite while no other is there.
-    """
-    rows = record.trajectory(robot.id)
-    nearest = np.full(len(rows), math.inf)
-    for other in scene.robots:
-        track = record.trajectory(other.id)
-        if other.id == robot.id or len(track) == 0:
-            continue
-        together = (rows[:, 0] >= track[0, 0] - _SAME_TIME) & (rows[:, 0] <= track[-1, 0] + _SAME_TIME)
-        here = rows[together]
-        there = np.stack([np.interp(here[:, 0], track[:, 0], track[:, axis]) for axis in (1, 2)], axis=-1)
-        gap = np.hypot(*(here[:, 1:3] - there).T) - other.radius
-        nearest[together] = np.minimum(nearest[together], gap)
-    return nearest
-
-
 def _rounded(value: float | None) -> float | None:
     return None if value is None else round(value, 4)
 
 
-def _floored(value: float | None) -> float | None:
+def _floored(value: float) -> float:
     """Round down to a tenth of a millimetre: no margin is kept by rounding."""
-    return None if value is None else math.floor(value * 1e4) / 1e4
+    return math.floor(value * 1e4) / 1e4

@@ -33,7 +33,7 @@ class RobotMoment:
     heading : float
         [rad, map]
     driven : ndarray, shape (N, 2)
-        Trajectory up to now [m, map].
+        Trajectory up to now, or its last part [m, map].
     ahead : ndarray, shape (M, 2)
         What is left of the path that it follows [m, map]; empty while it has none.
     """
@@ -131,13 +131,17 @@ class Moments:
             if not world.is_covered(sensor.position, stamp)
         ]
 
-    def robot(self, robot: RobotScene, time: float) -> RobotMoment | None:
-        """Return a robot at a time [s]; None before its first sample and once it left."""
+    def robot(self, robot: RobotScene, time: float, trail: float = math.inf) -> RobotMoment | None:
+        """Return a robot at a time [s] with the last `trail` [s] of its trajectory.
+
+        None before its first sample and once it left.
+        """
         rows = self._rows[robot.id]
         last = int(np.searchsorted(rows[:, 0], time + _TIME, side="right")) - 1 if len(rows) else -1
         if last < 0 or self._scene.instant(robot.leaves_at) <= time + _TIME:
             return None
-        driven = rows[: last + 1, 1:3]
+        first = int(np.searchsorted(rows[:, 0], time - trail))
+        driven = rows[min(first, last) : last + 1, 1:3]
         position = (float(rows[last, 1]), float(rows[last, 2]))
         return RobotMoment(position, float(rows[last, 3]), driven, self._ahead(robot.id, time, driven[-1]))
 

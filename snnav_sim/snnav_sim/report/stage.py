@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import shapely
 from matplotlib.artist import Artist
@@ -25,8 +27,8 @@ from snnav_sim.report.drawing import (
     fill,
     frame,
     outline,
-    robot_colour,
 )
+from snnav_sim.report.look import Look
 from snnav_sim.report.moment import Moments
 from snnav_sim.report.truth import GroundTruth
 from snnav_sim.scene_types import Circle, RobotScene, Scene
@@ -41,16 +43,19 @@ _ARROW = Outline(np.array([(1.0, 0.0), (-0.8, 0.62), (-0.45, 0.0), (-0.8, -0.62)
 class _Robot:
     """The marks of one robot."""
 
-    def __init__(self, axes: Axes, robot: RobotScene, colour: str, margin: float, size: float) -> None:
-        self.robot, self._size = robot, size
-        self.ahead = Line2D([], [], color=colour, linewidth=1.0, linestyle=(0, (4, 2)), zorder=5)
-        self.driven = Line2D([], [], color=colour, linewidth=1.8, zorder=6)
+    def __init__(
+        self, axes: Axes, robot: RobotScene, look: Look, colour: str, margin: float, size: float
+    ) -> None:
+        self.robot, self._trail = robot, look.trail
+        thin = 0.6 if look.crowded else 1.0
+        self.ahead = Line2D([], [], color=colour, linewidth=thin, linestyle=(0, (4, 2)), zorder=5)
+        self.driven = Line2D([], [], color=colour, linewidth=0.8 * look.width, zorder=6)
         self.margin = CirclePatch(
             robot.start,
             margin,
             facecolor="none",
             edgecolor=MARGIN,
-            linewidth=0.9,
+            linewidth=0.9 * thin,
             linestyle=(0, (3, 2)),
             zorder=7,
         )
@@ -58,7 +63,7 @@ class _Robot:
             robot.start, robot.radius, facecolor=colour, edgecolor="none", alpha=0.4, zorder=8
         )
         self.arrow = Line2D([], [], color=colour, linestyle="none", markersize=size, zorder=9)
-        self.arrow.set(markeredgecolor="white", markeredgewidth=0.6)
+        self.arrow.set(markeredgecolor="white", markeredgewidth=0.6 * look.marks)
         for line in (self.ahead, self.driven, self.arrow):
             axes.add_line(line)
         for patch in (self.margin, self.disk):
@@ -70,7 +75,7 @@ class _Robot:
 
     def move(self, moments: Moments, time: float) -> None:
         """Set all marks to a time [s]."""
-        moment = moments.robot(self.robot, time)
+        moment = moments.robot(self.robot, time, self._trail)
         for artist in self.artists:
             artist.set_visible(moment is not None)
         if moment is None:
@@ -111,8 +116,9 @@ class Stage:
             draw_sensor(axes, scene, sensor, limits=False)
         self._movers = [self._add_mover(axes, index) for index in range(len(scene.movers))]
         self._robots = []
-        for index, robot in enumerate(scene.robots):
-            colour = robot_colour(index)
+        look = Look.of(scene)
+        size *= look.marks
+        for robot, colour in zip(scene.robots, look.colours, strict=True):
             axes.plot(
                 *robot.target,
                 marker="X",
@@ -121,7 +127,7 @@ class Stage:
                 markeredgecolor="white",
                 zorder=8,
             )
-            self._robots.append(_Robot(axes, robot, colour, scene.safety_margin, size))
+            self._robots.append(_Robot(axes, robot, look, colour, scene.safety_margin, size))
         frame(axes, scene)
         robots = [artist for robot in self._robots for artist in robot.artists]
         # what changes is drawn over what stays: a changing area would cover the rest
@@ -153,13 +159,11 @@ class Stage:
 
 def stage_legend(scene: Scene, moments: Moments) -> list[Line2D | Patch]:
     """Return what the marks of a stage mean."""
-    named = scene.robots[:6]
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], color=robot_colour(index), linewidth=1.8, label=f"{robot.id}, driven")
-        for index, robot in enumerate(named)
-    ]
-    if len(scene.robots) > len(named):
-        handles.append(Line2D([], [], color="none", label=f"and {len(scene.robots) - len(named)} more"))
+    look = Look.of(scene)
+    trail = f"driven in the last {look.trail:g} s" if math.isfinite(look.trail) else "driven"
+    handles: list[Line2D | Patch] = [*look.legend(1.8, "" if look.crowded else f", {trail}")]
+    if look.crowded:
+        handles.append(Line2D([], [], color="gray", linewidth=1.3, label=trail))
     if scene.robots:
         handles.append(
             Line2D([], [], color="gray", linewidth=1.0, linestyle=(0, (4, 2)), label="path at that time")

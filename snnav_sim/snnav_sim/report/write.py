@@ -16,6 +16,7 @@ from typing import Any, TextIO
 from snnav_core.errors import InvalidInput
 from snnav_sim.report.metrics import compute_metrics
 from snnav_sim.report.record import Decision, RunRecord
+from snnav_sim.report.separation import separations
 from snnav_sim.report.truth import GroundTruth
 from snnav_sim.scene import Scene, dump_scene
 
@@ -108,14 +109,19 @@ def _fill(
 def _draw(directory: Path, scene: Scene, record: RunRecord, truth: GroundTruth) -> None:
     # drawing needs matplotlib, which takes a second to import
     from snnav_sim.report.animation import draw_animation
+    from snnav_sim.report.decisions_figure import draw_decisions
     from snnav_sim.report.figures import draw_clearance, draw_scene
     from snnav_sim.report.moment import Moments
+    from snnav_sim.report.separation_figure import draw_separation
     from snnav_sim.report.snapshots import draw_snapshots
 
     draw_scene(scene, record, truth, directory / "scene.png")
     if not any(record.samples.values()):
         return
     draw_clearance(scene, record, truth, directory / "clearance.png")
+    draw_decisions(scene, record, directory / "decisions.png")
+    if len(scene.robots) > 1:
+        draw_separation(scene, separations(scene, record), directory / "separation.png")
     moments = Moments(scene, record, truth)
     draw_snapshots(scene, truth, moments, directory / "snapshots.png")
     draw_animation(scene, truth, moments, directory / "animation.gif")
