@@ -20,7 +20,9 @@ NEIGHBOURS = 20
 SIGHT = 15.0  # [m]
 ARRIVED = 0.125  # [m], as in the scenes of 0.5 s at 1 m/s
 NEAR_CORNER = 0.3  # [m]; from here on the next corner of the way is aimed at
-JITTER = 0.1  # [m/s] of the wanted velocity; with 0.01 all robots of swap20 stop for ever in front of each other
+JITTER = (
+    0.1  # [m/s] of the wanted velocity; with 0.01 all robots of swap20 stop for ever in front of each other
+)
 
 
 @dataclass(frozen=True)
@@ -47,8 +49,9 @@ class OrcaRun:
 def orca_run(scene: Scene, seed: int) -> OrcaRun | None:
     """Run a scene with ORCA until all arrived or its time limit; None without pyrvo.
 
-    Agents have half of margin and (largest) radius together as their radius, so that ORCA keeps centres apart as our margin does;
-    walls are grown so that it keeps our margin from them. Each aims at the next corner of its exact shortest way.
+    Agents have half of margin and (largest) radius together as their radius, so that ORCA keeps centres apart as our
+    margin does; walls are grown so that it keeps our margin from them. Each aims at the next corner of its exact
+    shortest way.
 
     Parameters
     ----------
@@ -82,7 +85,10 @@ def orca_run(scene: Scene, seed: int) -> OrcaRun | None:
         seconds.append(stopwatch(agents.do_step))
         after = _positions(agents)
         least = min(least, _closest(before, after) - radius)
-        if all(math.dist(place, robot.target) <= ARRIVED for place, robot in zip(after, scene.robots, strict=True)):
+        if all(
+            math.dist(place, robot.target) <= ARRIVED
+            for place, robot in zip(after, scene.robots, strict=True)
+        ):
             ended = step * period
             break
     arrived = sum(

@@ -58,6 +58,7 @@ def test_run_with_and_without_ros_writes_the_same_directory(tmp_path: Path) -> N
         assert sorted(path.name for path in (tmp_path / run / "figures").iterdir()) == [
             "animation.gif",
             "clearance.png",
+            "decisions.png",
             "scene.png",
             "snapshots.png",
         ]

@@ -27,8 +27,9 @@ _LABEL_SIZE = 6.5  # points
 
 # What a decision means -> label and colour, in the order of the legend.
 _DRIVES, _TURNS, _ROOM, _EVADES = "drives", "turns on the spot", "makes room", "evades what comes nearer"
-_BLOCKED, _STOPPED, _ARRIVED = "waits: another robot in the way", "stopped for another reason", "arrived"
+_BLOCKED, _ARRIVED = "waits: another robot in the way", "arrived"
 _YIELDS = "waits for whom it yields to"
+
 _COLOURS = {
     _DRIVES: "#9cc3e4",
     _TURNS: "#4f83b5",
@@ -36,8 +37,17 @@ _COLOURS = {
     _YIELDS: "#f6d28b",
     _EVADES: "#8d5a97",
     _BLOCKED: "#e58a94",
-    _STOPPED: "#a4161a",
     _ARRIVED: "#d9e8d4",
+}
+_STOPPED = "stopped: "
+_COLOURS |= {
+    _STOPPED + "no path": "#a4161a",
+    _STOPPED + "start blocked": "#e36414",
+    _STOPPED + "goal blocked": "#5f0f40",
+    _STOPPED + "goal unreachable": "#7f5539",
+    _STOPPED + "no area": "#343a40",
+    _STOPPED + "no state": "#868e96",
+    _STOPPED + "no goal": "#dee2e6",
 }
 _OF_PATHS = {
     PathSource.TURN_IN_PLACE.value: _TURNS,
@@ -97,7 +107,7 @@ def phases(decisions: Sequence[Decision], end: float, names: Sequence[str]) -> l
 
 def _doing(decision: Decision) -> str:
     if decision.path is None:
-        return _OF_STOPS.get(decision.reason, _STOPPED)
+        return _OF_STOPS.get(decision.reason, _STOPPED + decision.reason.replace("_", " "))
     return _OF_PATHS.get(decision.source, _DRIVES)
 
 
@@ -130,6 +140,7 @@ def draw_decisions(scene: Scene, record: RunRecord, file: Path) -> None:
     axes.set_axisbelow(True)
     axes.set_title(f"{scene.name}: what each robot did, and whom it waited for", loc="left", fontsize=11)
     handles = [Patch(facecolor=colour, label=label) for label, colour in _COLOURS.items() if label in seen]
+    handles += [Patch(facecolor="black", label=label) for label in sorted(seen - _COLOURS.keys())]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
     figure.savefig(file, dpi=_DPI, bbox_inches="tight", pad_inches=0.15)
 
@@ -137,7 +148,9 @@ def draw_decisions(scene: Scene, record: RunRecord, file: Path) -> None:
 def _draw_phase(axes: Axes, phase: Phase, row: int, inches: float, short: Mapping[str, str] | None) -> None:
     """Draw a bar, with the short names of the robots that it waits for where they have room."""
     length = phase.end - phase.begin
-    axes.barh(row, length, left=phase.begin, height=0.8, color=_COLOURS[phase.doing], linewidth=0)
+    axes.barh(
+        row, length, left=phase.begin, height=0.8, color=_COLOURS.get(phase.doing, "black"), linewidth=0
+    )
     label = ", ".join(short[name] for name in phase.others) if short else ""
     if label and _LETTER * len(label) <= length * inches:
         middle = phase.begin + 0.5 * length

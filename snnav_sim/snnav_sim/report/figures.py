@@ -1,8 +1,7 @@
-"""Figures of a run: the scene with what was seen, planned and driven; the clearance over time."""
+"""The scene of a run from above, with what was seen, planned and driven."""
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ from matplotlib.patches import Patch
 
 from snnav_core.types import FloatArray
 from snnav_sim.report.drawing import (
-    MARGIN,
     MOVER,
     SEEN,
     SEEN_EDGE,
@@ -33,7 +31,7 @@ from snnav_sim.report.truth import GroundTruth
 from snnav_sim.scene_types import Mover, RobotScene, Scene
 from snnav_sim.world import mover_positions
 
-__all__ = ["draw_clearance", "draw_scene"]
+__all__ = ["draw_scene"]
 
 _REDUCED = "#5b8db8"
 _OUTLINE: dict[str, Any] = {"facecolor": "none", "linewidth": 0.8}
@@ -41,7 +39,7 @@ _WIDTH = 11.0  # inches
 _DPI = 110
 _PATHS_SHOWN = 6
 _GHOSTS = 5
-_SHOWN = 8.0  # times the margin; larger distances are left out when there are many robots
+_LONGEST = 90  # letters of a reason in a title
 
 
 def draw_scene(scene: Scene, record: RunRecord, truth: GroundTruth, file: Path) -> None:
@@ -61,7 +59,7 @@ def draw_scene(scene: Scene, record: RunRecord, truth: GroundTruth, file: Path) 
     draw_world(axes, scene, truth)
     limits = [draw_sensor(axes, scene, sensor) for sensor in scene.sensors]
     for mover in scene.movers:
-        _draw_way(axes, mover, _end(record))
+        _draw_way(axes, mover, record.end)
     look = Look.of(scene)
     for robot, colour in zip(scene.robots, look.colours, strict=True):
         _draw_drive(axes, scene, robot, record, look, colour)
@@ -107,93 +105,6 @@ def _draw_drive(
     axes.plot(*robot.target, marker="X", markersize=size, color=colour, markeredgecolor="white", zorder=8)
 
 
-def draw_clearance(scene: Scene, record: RunRecord, truth: GroundTruth, file: Path) -> None:
-    """Draw the distances of every robot's centre over time as a PNG.
-
-    To the boundary of the true unoccupied area (Ch. 3: to the undetected areas) and to the true obstacles.
-    """
-    figure = Figure(figsize=(_WIDTH, 4.2), layout="constrained")
-    axes = figure.add_subplot()
-    look = Look.of(scene)
-    if look.crowded:
-        bottom, top = _draw_many_distances(axes, scene, record, truth, look)
-    else:
-        bottom, top = _draw_few_distances(axes, scene, record, truth, look)
-    axes.axhspan(bottom, scene.safety_margin, color=MARGIN, alpha=0.08, linewidth=0)
-    label = f"safety margin {scene.safety_margin:g} m"
-    axes.axhline(scene.safety_margin, color=MARGIN, linewidth=1.2, linestyle="--", label=label)
-    axes.set_xlim(0.0, max(_end(record), scene.sampling_interval))
-    axes.set_ylim(bottom, 1.05 * top)
-    axes.grid(alpha=0.25, linewidth=0.5)
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("distance [m]")
-    what = "fused area and recorded returns" if scene.recorded else "all that may hide an obstacle"
-    axes.set_title(f"{scene.name}: distance from the robot's centre to {what}", loc="left", fontsize=11)
-    axes.legend(fontsize=8, ncols=3, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.15))
-    figure.savefig(file, dpi=_DPI, bbox_inches="tight", pad_inches=0.15)
-
-
-def _draw_few_distances(
-    axes: Axes, scene: Scene, record: RunRecord, truth: GroundTruth, look: Look
-) -> tuple[float, float]:
-    """Draw two named curves of every robot; return how far up and down to show [m]."""
-    bottom, top = 0.0, 2.0 * scene.safety_margin
-    for robot, colour in zip(scene.robots, look.colours, strict=True):
-        rows = record.trajectory(robot.id)
-        if len(rows) > 0:
-            low, high = _draw_distances(axes, scene, truth, robot.id, rows, colour)
-            bottom, top = min(bottom, low), max(top, high)
-    return bottom, top
-
-
-def _draw_many_distances(
-    axes: Axes, scene: Scene, record: RunRecord, truth: GroundTruth, look: Look
-) -> tuple[float, float]:
-    """Draw one thin curve per robot and name the least distance of all; return how far up and down to show [m]."""
-    lowest: tuple[float, float, str] = (math.inf, 0.0, "")
-    for robot, colour in zip(scene.robots, look.colours, strict=True):
-        rows = record.trajectory(robot.id)
-        if len(rows) == 0:
-            continue
-        to_area, exact = truth.area_clearance(rows[:, 1:3], rows[:, 0])
-        to_area, times = to_area[exact], rows[exact, 0]
-        axes.plot(times, to_area, color=colour, linewidth=0.7)
-        low = int(np.argmin(to_area))
-        lowest = min(lowest, (float(to_area[low]), float(times[low]), robot.id))
-    least, when, name = lowest
-    if name:
-        label = f"unoccupied area's boundary, least {np.floor(100.0 * least) / 100.0:.2f} m ({name})"
-        axes.plot(when, least, "o", color="black", markersize=5, label=label, zorder=5)
-    for handle in look.legend(0.9):
-        axes.add_line(handle)
-    return min(0.0, least), _SHOWN * scene.safety_margin
-
-
-def _draw_distances(
-    axes: Axes, scene: Scene, truth: GroundTruth, name: str, rows: FloatArray, colour: str
-) -> tuple[float, float]:
-    """Draw the curves of one robot with their lowest points; return the least and greatest distance [m]."""
-    to_obstacles = truth.clearance(rows[:, 1:3], rows[:, 0])
-    if scene.recorded:
-        return _draw_curve(axes, rows[:, 0], to_obstacles, name, color=colour, linewidth=1.7)
-    to_area, exact = truth.area_clearance(rows[:, 1:3], rows[:, 0])
-    area = f"{name}: unoccupied area's boundary"
-    low, _ = _draw_curve(axes, rows[exact, 0], to_area[exact], area, color=colour, linewidth=1.7)
-    dots: dict[str, Any] = {"color": colour, "linewidth": 1.0, "linestyle": (0, (1, 1.5))}
-    _, high = _draw_curve(axes, rows[:, 0], to_obstacles, f"{name}: obstacles", **dots)
-    return low, high
-
-
-def _draw_curve(
-    axes: Axes, times: FloatArray, distance: FloatArray, label: str, **style: Any
-) -> tuple[float, float]:
-    lowest = int(np.argmin(distance))
-    least = np.floor(100.0 * distance[lowest]) / 100.0
-    axes.plot(times, distance, label=f"{label}, least {least:.2f} m", **style)
-    axes.plot(times[lowest], distance[lowest], marker="o", markersize=4, color=style["color"])
-    return float(distance[lowest]), float(distance.max())
-
-
 def _planning_distance(scene: Scene, record: RunRecord) -> float | None:
     """Return the least distance that a path was planned for [m], if a line for it can be told from the margin's."""
     distances = [d.planning_distance for d in record.decisions if d.planning_distance is not None]
@@ -201,14 +112,14 @@ def _planning_distance(scene: Scene, record: RunRecord) -> float | None:
     return planned if planned > 1.1 * scene.safety_margin else None
 
 
-def _end(record: RunRecord) -> float:
-    return max((rows[-1][0] for rows in record.samples.values() if rows), default=0.0)
-
-
 def _title(scene: Scene, record: RunRecord) -> str:
     return f"{scene.name}, seed {record.seed}" + (
-        f": {record.reason} at {_end(record):.1f} s" if record.samples else ""
+        f": {_short(record.reason)} at {record.end:.1f} s" if record.samples else ""
     )
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
 
 
 def _draw_way(axes: Axes, mover: Mover, end: float) -> None:

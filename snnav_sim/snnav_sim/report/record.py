@@ -112,6 +112,11 @@ class RunRecord:
             region = self.areas[-1][1]
         self.areas.append((area.stamp, region))
 
+    @property
+    def end(self) -> float:
+        """Time of the last sample of any robot [s]; 0 without any."""
+        return max((rows[-1][0] for rows in self.samples.values() if rows), default=0.0)
+
     def trajectory(self, robot: str) -> FloatArray:
         """Return the rows of a robot, shape (N, 6): time, x, y, heading, speed, turn_rate."""
         return np.array(self.samples.get(robot, []), dtype=np.float64).reshape(-1, 6)

@@ -82,7 +82,7 @@ def _poses(robot: RobotScene, record: RunRecord, times: FloatArray) -> FloatArra
 
 
 def _ways(poses: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return points on the arcs after every sample, shape (N, M, pieces + 1, 2), and how far arcs are off their chords."""
+    """Return points of the arcs after all samples, (N, M, pieces + 1, 2), and how far arcs leave their chords [m]."""
     change = np.diff(poses, axis=1, append=poses[:, -1:])
     sagitta = 0.5 * np.tan(0.25 * change[..., 2])  # of the arc, over the length of its chord
     across = np.stack((change[..., 1], -change[..., 0]), axis=-1)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from snnav_sim.report.drawing import MARGIN
 from snnav_sim.report.look import Look
@@ -47,7 +48,8 @@ def draw_separation(scene: Scene, apart: Separations, file: Path) -> None:
     axes.set_title(title, loc="left", fontsize=11)
     handles, labels = axes.get_legend_handles_labels()
     if look.crowded:
-        handles, labels = [*look.legend(0.9), *handles], [*(name for _, name in look.handles), *labels]
+        own = look.legend(0.9) or [Line2D([], [], color="gray", linewidth=0.7, label="one robot each")]
+        handles, labels = [*own, *handles], [*(str(line.get_label()) for line in own), *labels]
     axes.legend(
         handles, labels, fontsize=8, ncols=4, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.14)
     )

@@ -109,8 +109,9 @@ def _fill(
 def _draw(directory: Path, scene: Scene, record: RunRecord, truth: GroundTruth) -> None:
     # drawing needs matplotlib, which takes a second to import
     from snnav_sim.report.animation import draw_animation
+    from snnav_sim.report.clearance_figure import draw_clearance
     from snnav_sim.report.decisions_figure import draw_decisions
-    from snnav_sim.report.figures import draw_clearance, draw_scene
+    from snnav_sim.report.figures import draw_scene
     from snnav_sim.report.moment import Moments
     from snnav_sim.report.separation_figure import draw_separation
     from snnav_sim.report.snapshots import draw_snapshots

@@ -12,7 +12,7 @@ from matplotlib.image import imread
 from numpy.typing import NDArray
 from PIL import Image
 
-from snnav_sim.report import figures
+from snnav_sim.report import clearance_figure, figures
 from snnav_sim.report.animation import draw_animation
 from snnav_sim.report.drawing import MOVER, REMEMBERED, SEEN
 from snnav_sim.report.moment import Moments
@@ -118,7 +118,7 @@ def test_the_clearance_figure_has_both_distances(
 ) -> None:
     scene, record = busy
     labels: list[str] = []
-    original = figures._draw_curve
+    original = clearance_figure._draw_curve
 
     def spy(
         axes: object, times: object, distance: NDArray[np.float64], label: str, **style: object
@@ -126,9 +126,9 @@ def test_the_clearance_figure_has_both_distances(
         labels.append(f"{label} {math.floor(100 * distance.min()) / 100:.2f}")
         return original(axes, times, distance, label, **style)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(figures, "_draw_curve", spy)
+    monkeypatch.setattr(clearance_figure, "_draw_curve", spy)
     truth = GroundTruth(scene)
-    figures.draw_clearance(scene, record, truth, tmp_path / "clearance.png")
+    clearance_figure.draw_clearance(scene, record, truth, tmp_path / "clearance.png")
     rows = record.trajectory("robot_1")
     least = truth.area_clearance(rows[:, 1:3], rows[:, 0])[0].min()
     assert labels[0] == f"robot_1: unoccupied area's boundary {math.floor(100 * least) / 100:.2f}"

@@ -44,7 +44,7 @@ def test_contents(tmp_path: Path, room: Scene, record: RunRecord) -> None:
     names = {str(path.relative_to(target)) for path in target.rglob("*") if path.is_file()}
     assert names == {
         "scene.yaml", "metrics.json", "trajectories.csv", "paths.csv", "figures/scene.png", "figures/clearance.png",
-        "figures/snapshots.png", "figures/animation.gif",
+        "figures/decisions.png", "figures/snapshots.png", "figures/animation.gif",
     }  # fmt: skip
     assert json.loads((target / "metrics.json").read_text()) == metrics
     scene = load_scene(target / "scene.yaml")
