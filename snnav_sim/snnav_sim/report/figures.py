@@ -102,7 +102,8 @@ def _draw_drive(
     if not look.crowded and (scene.movers or len(scene.robots) > 1):
         _draw_robot_ghosts(axes, rows, robot.radius, colour)
     size = 9 * look.marks
-    axes.plot(*robot.target, marker="X", markersize=size, color=colour, markeredgecolor="white", zorder=8)
+    for target in (robot.target, *(change.target for change in robot.retargets)):
+        axes.plot(*target, marker="X", markersize=size, color=colour, markeredgecolor="white", zorder=8)
 
 
 def _planning_distance(scene: Scene, record: RunRecord) -> float | None:

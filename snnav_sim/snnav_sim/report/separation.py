@@ -26,9 +26,9 @@ class Separations:
         Samples [s].
     least : ndarray, shape (N, M)
         For every robot of the scene the least distance from a sample until the next one [m], never more than it was;
-        inf without others.
+        inf while it or all others are not there.
     nearest : ndarray of int, shape (N, M)
-        Number of the other robot in the scene; -1 without others.
+        Number of the other robot in the scene; -1 where `least` is inf.
     """
 
     times: FloatArray
@@ -68,22 +68,23 @@ def separations(scene: Scene, record: RunRecord) -> Separations:
                 distance = gap - robots[two].radius
                 nearer = distance < least[one]
                 nearest[one, nearer] = two
-                np.minimum(least[one], distance, out=least[one])
+                np.fmin(least[one], distance, out=least[one])
     return Separations(times, least, nearest)
 
 
 def _poses(robot: RobotScene, record: RunRecord, times: FloatArray) -> FloatArray:
-    """Return x, y, heading at the times, shape (M, 3) [m, rad]; a robot without samples stands at its start."""
+    """Return x, y, heading at the times, shape (M, 3) [m, rad]; NaN while the robot is not there."""
     rows = record.trajectory(robot.id)
     if len(rows) == 0:
-        return np.tile([*robot.start, robot.heading], (len(times), 1))
+        return np.full((len(times), 3), np.nan)
     columns = (rows[:, 1], rows[:, 2], np.unwrap(rows[:, 3]))
-    return np.stack([np.interp(times, rows[:, 0], column) for column in columns], axis=-1)
+    absent = {"left": np.nan, "right": np.nan}
+    return np.stack([np.interp(times, rows[:, 0], column, **absent) for column in columns], axis=-1)
 
 
 def _ways(poses: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return points of the arcs after all samples, (N, M, pieces + 1, 2), and how far arcs leave their chords [m]."""
-    change = np.diff(poses, axis=1, append=poses[:, -1:])
+    change = np.nan_to_num(np.diff(poses, axis=1, append=poses[:, -1:]))
     sagitta = 0.5 * np.tan(0.25 * change[..., 2])  # of the arc, over the length of its chord
     across = np.stack((change[..., 1], -change[..., 0]), axis=-1)
     share = np.linspace(0.0, 1.0, _PIECES + 1)[:, None]

@@ -64,14 +64,16 @@ class _Robot:
         )
         self.arrow = Line2D([], [], color=colour, linestyle="none", markersize=size, zorder=9)
         self.arrow.set(markeredgecolor="white", markeredgewidth=0.6 * look.marks)
-        for line in (self.ahead, self.driven, self.arrow):
+        self.target = Line2D([], [], color=colour, marker="X", markersize=0.75 * size, zorder=8)
+        self.target.set(markeredgecolor="white")
+        for line in (self.ahead, self.driven, self.arrow, self.target):
             axes.add_line(line)
         for patch in (self.margin, self.disk):
             axes.add_patch(patch)
 
     @property
     def artists(self) -> list[Artist]:
-        return [self.ahead, self.driven, self.margin, self.disk, self.arrow]
+        return [self.ahead, self.driven, self.margin, self.disk, self.arrow, self.target]
 
     def move(self, moments: Moments, time: float) -> None:
         """Set all marks to a time [s]."""
@@ -82,6 +84,8 @@ class _Robot:
             return
         self.ahead.set_data(moment.ahead[:, 0], moment.ahead[:, 1])
         self.driven.set_data(moment.driven[:, 0], moment.driven[:, 1])
+        x, y = self.robot.target_at(time)
+        self.target.set_data([x], [y])
         self.margin.set_center(moment.position)
         self.disk.set_center(moment.position)
         self.arrow.set_data([moment.position[0]], [moment.position[1]])
@@ -119,14 +123,6 @@ class Stage:
         look = Look.of(scene)
         size *= look.marks
         for robot, colour in zip(scene.robots, look.colours, strict=True):
-            axes.plot(
-                *robot.target,
-                marker="X",
-                markersize=0.75 * size,
-                color=colour,
-                markeredgecolor="white",
-                zorder=8,
-            )
             self._robots.append(_Robot(axes, robot, look, colour, scene.safety_margin, size))
         frame(axes, scene)
         robots = [artist for robot in self._robots for artist in robot.artists]

@@ -80,13 +80,19 @@ def test_never_more_than_it_was(
     assert found >= true - 2e-3 * PERIOD - 2e-4
 
 
-def test_far_robots_and_robots_without_samples_count(room: Scene) -> None:
-    scene, record = with_robots(room, 0.3, 0.3, 0.3), RunRecord(0)
-    drive(record, "r0", Pose2D(9.0, 5.0, 0.0), [(0.0, 0.0)] * 3)
+def test_far_robots_count_and_absent_ones_do_not(room: Scene) -> None:
+    scene, record = with_robots(room, 0.3, 0.2, 0.1, 0.1), RunRecord(0)
+    drive(record, "r0", Pose2D(9.0, 5.0, 0.0), [(0.0, 0.0)] * 9)
+    drive(record, "r1", Pose2D(2.0, 5.0, 0.0), [(0.0, 0.0)] * 3)
+    drive(record, "r2", Pose2D(2.0, 4.0, 0.0), [(0.0, 0.0)] * 9)
+    del record.samples["r2"][:6]
     apart = separations(scene, record)
-    assert apart.least[1] == pytest.approx(1.0 - 0.3), "both stand at their starts"
-    assert apart.least[0] == pytest.approx(math.hypot(6.0, 4.0) - 0.3)
-    assert set(apart.nearest[0]) == {2}
+    assert apart.least[0, :4] == pytest.approx(7.0 - 0.2), "r1 is there for three periods"
+    assert np.all(np.isinf(apart.least[0, 4:6]))
+    assert apart.least[0, 6:] == pytest.approx(math.hypot(7.0, 1.0) - 0.1), "then r2 joins"
+    assert np.all(np.isinf(apart.least[1, 4:]))
+    assert np.all(np.isinf(apart.least[3]))
+    assert apart.nearest[0].tolist() == [1] * 4 + [-1] * 2 + [2] * 4
 
 
 def test_a_robot_alone(room: Scene) -> None:
