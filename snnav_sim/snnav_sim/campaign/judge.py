@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from snnav_core.types import FloatArray
 from snnav_sim.campaign.reference import connected, planned_distance
-from snnav_sim.report.metrics import compute_metrics, separations
+from snnav_sim.report.metrics import compute_metrics
 from snnav_sim.report.record import RunRecord
+from snnav_sim.report.separation import Separations, separations
 from snnav_sim.report.truth import GroundTruth
 from snnav_sim.scene_types import RobotScene, Scene
 
@@ -45,13 +46,14 @@ def judge(scene: Scene, record: RunRecord) -> dict[str, Any]:
     """
     truth = GroundTruth(scene)
     metrics = compute_metrics(scene, record, truth, area=False)
+    apart = separations(scene, record)
     robots = {
         robot.id: {
             "feasible": _is_feasible(scene, robot, truth),
             **{key: metrics["robots"][robot.id][key] for key in _KEPT},
-            **_violations(scene, robot, record, truth),
+            **_violations(scene, index, record, truth, apart),
         }
-        for robot in scene.robots
+        for index, robot in enumerate(scene.robots)
     }
     return {
         "reason": metrics["reason"],
@@ -68,12 +70,15 @@ def _is_feasible(scene: Scene, robot: RobotScene, truth: GroundTruth) -> bool:
     return connected(truth.reduced_area(planned_distance(scene, robot)), robot.start, robot.target)
 
 
-def _violations(scene: Scene, robot: RobotScene, record: RunRecord, truth: GroundTruth) -> dict[str, int]:
+def _violations(
+    scene: Scene, index: int, record: RunRecord, truth: GroundTruth, apart: Separations
+) -> dict[str, int]:
     """Count the samples with a collision, or with less than the margin to a body, a wall or another robot's disk."""
+    robot = scene.robots[index]
     rows = record.trajectory(robot.id)
     if len(rows) == 0:
         return {"collisions": 0, "margin_violations": 0, "walked_into": 0, "hit_standing": 0}
-    gap = np.minimum(truth.clearance(rows[:, 1:3], rows[:, 0]), separations(robot, scene, record))
+    gap = np.minimum(truth.clearance(rows[:, 1:3], rows[:, 0]), apart.at(index, rows[:, 0]))
     promised = (rows[:, 4] > 0.0) | _within_windows(robot, record, rows[:, 0])
     near, hit = gap < scene.safety_margin, gap < robot.radius
     return {

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from snnav_core.types import FloatArray
 from snnav_sim.report.record import RunRecord
@@ -33,7 +34,11 @@ class Separations:
 
     times: FloatArray
     least: FloatArray
-    nearest: np.ndarray
+    nearest: NDArray[np.int64]
+
+    def at(self, robot: int, times: FloatArray) -> FloatArray:
+        """Return `least` of a robot, by its number, at some of the samples (K,) [s]."""
+        return np.asarray(self.least[robot, np.searchsorted(self.times, times)])
 
 
 def separations(scene: Scene, record: RunRecord) -> Separations:
@@ -56,7 +61,7 @@ def separations(scene: Scene, record: RunRecord) -> Separations:
     poses = np.stack([_poses(robot, record, times) for robot in robots]) if robots else np.zeros((0, 1, 3))
     ways, bulges = _ways(poses)
     least = np.full((len(robots), len(times)), np.inf)
-    nearest = np.full((len(robots), len(times)), -1)
+    nearest = np.full((len(robots), len(times)), -1, dtype=np.int64)
     for index, robot in enumerate(robots):
         for other in range(index):
             gap = np.hypot(*(poses[index, :, :2] - poses[other, :, :2]).T)

@@ -92,6 +92,7 @@ def test_far_robots_count_and_absent_ones_do_not(room: Scene) -> None:
     assert apart.least[0, 6:] == pytest.approx(math.hypot(7.0, 1.0) - 0.1), "then r2 joins"
     assert np.all(np.isinf(apart.least[1, 4:]))
     assert np.all(np.isinf(apart.least[3]))
+    assert apart.at(1, record.trajectory("r1")[:, 0]) == pytest.approx(7.0 - 0.3), "at its own samples"
     assert apart.nearest[0].tolist() == [1] * 4 + [-1] * 2 + [2] * 4
 
 
