@@ -10,15 +10,15 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from snnav_core.errors import InvalidInput
+from snnav_core.errors import InvalidInput, PlanningError
 from snnav_sim.campaign.halls import Draws, Hall, between, draw_hall, draw_sensors
 from snnav_sim.campaign.places import draw_place, without_locked_in
 from snnav_sim.campaign.reference import planned_distance, window_distance
 from snnav_sim.campaign.walkers import draw_walkers, swept
 from snnav_sim.random_scenes import faulty_scene
-from snnav_sim.report.optimum import reduced
+from snnav_sim.report.optimum import reduced, shortest_path
 from snnav_sim.scene_faults import FAULT_KINDS
-from snnav_sim.scene_types import Point, RobotScene, Scene
+from snnav_sim.scene_types import RobotScene, Scene
 from snnav_sim.world import World
 
 __all__ = ["KINDS", "campaign_scene"]
@@ -88,7 +88,7 @@ def _static(draws: Draws) -> Scene | None:
     """In every fifth hall something could come at any time, but does not."""
     robot = _robot(draws, "robot_1")
     speed = 0.0 if draws.random() < 0.8 else between(draws, 0.05, _FASTER * robot.speed)
-    scene = _empty_scene(draws, draw_hall(draws, 8.0, 22.0, 6, 2), speed, robot.radius)
+    scene = _empty_scene(draws, draw_hall(draws, 10.0, 26.0, 6, 2), speed, robot.radius)
     return _with_robot(draws, scene, robot, _area(scene))
 
 
@@ -162,7 +162,9 @@ def _with_robot(draws: Draws, scene: Scene, robot: RobotScene, area: BaseGeometr
     target = draw_place(draws, targets, places, [way, *apart])
     if target is None:
         return None
-    return replace(scene, robots=(*scene.robots, _headed(draws, robot, start, target)))
+    robot = replace(robot, start=start, target=target)
+    robot = replace(robot, heading=_headed(draws, robot, reduced(area, planned_distance(scene, robot))))
+    return replace(scene, robots=(*scene.robots, robot))
 
 
 def _room(scene: Scene, robot: RobotScene, area: BaseGeometry, reserve: float) -> BaseGeometry:
@@ -172,12 +174,15 @@ def _room(scene: Scene, robot: RobotScene, area: BaseGeometry, reserve: float) -
     return room.difference(lanes)
 
 
-def _headed(draws: Draws, robot: RobotScene, start: Point, target: Point) -> RobotScene:
-    """The robot at its start, more often than not headed to its target."""
-    heading = math.atan2(target[1] - start[1], target[0] - start[0])
-    heading += float(draws.choice([draws.normal(0.0, 0.3), draws.uniform(-math.pi, math.pi)], p=(0.6, 0.4)))
-    heading = math.radians(round(math.degrees(heading)) % 360)
-    return replace(robot, start=start, heading=heading, target=target)
+def _headed(draws: Draws, robot: RobotScene, region: BaseGeometry) -> float:
+    """A heading, more often than not along the shortest way or near it [rad]."""
+    try:
+        corner = shortest_path(region, robot.start, robot.target)[1][1]
+    except PlanningError:
+        corner = np.array(robot.target)
+    heading = math.atan2(corner[1] - robot.start[1], corner[0] - robot.start[0])
+    heading += float(draws.choice([draws.normal(0.0, 0.5), draws.uniform(-math.pi, math.pi)], p=(0.75, 0.25)))
+    return math.radians(round(math.degrees(heading)) % 360)
 
 
 _MAKERS: dict[str, tuple[Callable[[Draws], Scene | None], str]] = {
