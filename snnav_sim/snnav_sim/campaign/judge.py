@@ -50,6 +50,7 @@ def judge(scene: Scene, record: RunRecord) -> dict[str, Any]:
     robots = {
         robot.id: {
             "feasible": _is_feasible(scene, robot, truth),
+            "safety_margin": scene.safety_margin,
             **{key: metrics["robots"][robot.id][key] for key in _KEPT},
             **_violations(scene, index, record, truth, apart),
         }

@@ -22,6 +22,7 @@ __all__ = [
     "FAILURES",
     "PICTURES",
     "SCENES",
+    "SEED_STRIDE",
     "campaign_run",
     "failed_run",
     "run_name",
@@ -30,12 +31,12 @@ __all__ = [
 ]
 
 SCENES, PICTURES, FAILURES = "scenes", "pictures", "failures"
-_STRIDE = 1_000_000  # campaigns with different seeds share no run, up to so many runs
+SEED_STRIDE = 1_000_000  # campaigns with different seeds share no run, up to so many runs
 
 
 def run_seed(seed: int, number: int) -> int:
     """Return the seed of a run by the seed of the campaign and the number of the run from 0."""
-    return seed * _STRIDE + number
+    return seed * SEED_STRIDE + number
 
 
 def run_name(kind: str, seed: int) -> str:
@@ -86,6 +87,8 @@ def failed_run(kind: str, seed: int, directory: Path | None, error: str, details
     if directory is not None:
         write_whole(directory / FAILURES / f"{run_name(kind, seed)}.txt", details.encode("utf-8"))
     return {
+        "kind": kind,
+        "seed": seed,
         "reason": "failed",
         "duration": None,
         "robots": {},
@@ -94,6 +97,7 @@ def failed_run(kind: str, seed: int, directory: Path | None, error: str, details
         "refused_scans": 0,
         "paths_sha1": "",
         "error": " ".join(error.split()),
+        "seconds": None,
     }
 
 
