@@ -9,11 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from snnav_core.navigator.context import AreaContext
+from snnav_core.navigator.crowd import Crowd
 from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
 from snnav_core.planning.adjustment import adjust, resample
 from snnav_core.planning.certificate import certify
-from snnav_core.planning.fields import Barrier, BoundaryBarrier, CircleBarrier, DiskBarrier
-from snnav_core.planning.separation import OtherRobot, stops_within
+from snnav_core.planning.fields import Barrier, BoundaryBarrier, CircleBarrier
+from snnav_core.planning.separation import OtherRobot
 from snnav_core.planning.shortest import initial_circles
 from snnav_core.types import Certificate, FloatArray, PathSource, PlannedPath, Pose2D, RobotSpec, TimedPath
 
@@ -65,6 +66,12 @@ class Attempt:
     previous: AreaContext | None = None
     """The area of the step before, when it was another one."""
 
+    def __post_init__(self) -> None:
+        crowd = self.others
+        if not isinstance(crowd, Crowd) or crowd.pose is not self.pose or crowd.time != self.time:
+            crowd = Crowd(crowd, self.pose, self.time, self.distances, self.settings)
+            object.__setattr__(self, "others", crowd)
+
     def adjusted(
         self, points: FloatArray, rotation: int, margins: FloatArray, max_passes: int, source: PathSource
     ) -> PlannedPath:
@@ -75,7 +82,7 @@ class Attempt:
             points,
             self.target,
             link,
-            self._barriers(rotation, margins),
+            self._barriers(points, rotation, margins),
             self.settings.adjustment,
             max_passes,
             longest,
@@ -93,38 +100,23 @@ class Attempt:
             points = np.vstack((points, chain[-1]))
         return points
 
-    def _barriers(self, rotation: int, margins: FloatArray) -> list[Barrier]:
+    def _barriers(self, points: FloatArray, rotation: int, margins: FloatArray) -> list[Barrier]:
         radius, link = self.distances.circle_radius, self.distances.link
         left, right = initial_circles(self.pose, radius)
         own, opposite = (left, right) if rotation > 0 else (right, left)
         around = math.ceil(2.0 * math.pi * radius / link)
-        barriers: list[Barrier] = [BoundaryBarrier(self.context.area.clearance_field, margins)]
-        for other in self.others:
-            barriers.append(self._disk(other, other.path, self.distances.window_points))
-            if self.gap(other) < other.radius + self.settings.safety_margin + 3.0 * self.distances.stride:
-                stops = stops_within(other.path, self.time, self.time + self.settings.sampling_interval)
-                barriers += [self._disk(other, stopped, self.distances.parts) for stopped in stops]
-        barriers.append(CircleBarrier(opposite.centre, opposite.radius, math.ceil(around / 4)))
-        barriers.append(CircleBarrier(own.centre, own.radius, around))
-        return barriers
+        return [
+            BoundaryBarrier(self.context.area.clearance_field, margins),
+            *self.crowd.barriers(points),
+            CircleBarrier(opposite.centre, opposite.radius, math.ceil(around / 4)),
+            CircleBarrier(own.centre, own.radius, around),
+        ]
 
-    def _disk(self, other: OtherRobot, path: TimedPath, count: int) -> DiskBarrier:
-        """Another robot on its path; for a stop on its way only the first `count` points keep away."""
-        link, whole = self.distances.link, count == self.distances.window_points
-        steps = np.arange(1, count + 1, dtype=np.float64)
-        centres = path.positions_at(self.time + self.distances.step * steps)[:, :2]
-        clearance = self.settings.safety_margin + self.distances.reserve
-        distance = math.hypot(other.radius + clearance, 0.5 * link + 0.5 * _longest_link(centres))
-        # Robots that stand nearer part at half the speed; they are not torn apart.
-        demanded = np.minimum(distance, self.gap(other) + 0.5 * link * steps)
-        if whole:
-            return DiskBarrier(centres, demanded)
-        return DiskBarrier(np.vstack((centres, centres[-1:])), np.append(demanded, -math.inf))
-
-    def gap(self, other: OtherRobot) -> float:
-        """Present distance between the centres of this and another robot [m]."""
-        centre = other.path.positions_at(np.array([self.time]))[0, :2]
-        return float(np.linalg.norm(centre - self.pose.position))
+    @property
+    def crowd(self) -> Crowd:
+        """The other robots as this one sees them; shared by all attempts of one robot in one step."""
+        assert isinstance(self.others, Crowd)
+        return self.others
 
     def along(self, chain: FloatArray, source: PathSource) -> PlannedPath:
         """A path along a chain (N, 2) [m, map] that starts at the robot, as it is."""
@@ -160,7 +152,3 @@ class Attempt:
         """Whether a plan is certified for the whole time window, standing at its end included."""
         window = self.settings.time_window * self.settings.sampling_interval
         return plan.certificate.accepted and plan.certificate.valid_until >= self.time + window - 1e-6
-
-
-def _longest_link(centres: FloatArray) -> float:
-    return float(np.linalg.norm(np.diff(centres, axis=0), axis=1).max()) if len(centres) > 1 else 0.0

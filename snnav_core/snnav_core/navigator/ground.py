@@ -13,6 +13,7 @@ from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.errors import InvalidInput
 from snnav_core.navigator.attempt import Attempt
 from snnav_core.navigator.context import AreaContext, aged
+from snnav_core.navigator.crowd import possible_paths
 from snnav_core.navigator.explain import Explainer
 from snnav_core.navigator.prediction import TIME_TOLERANCE, onwards, predicted_pose, state_fault, up_to
 from snnav_core.navigator.right_of_way import RightOfWay
@@ -105,6 +106,7 @@ class GroundNavigator:
         self._changed = True
         self._heard: dict[str, HeardPath] = {}
         self._goals: Mapping[str, tuple[float, float]] = {}
+        self._cast: dict[tuple[str, float], tuple[tuple[object, ...], list[OtherRobot]]] = {}
         self._time = -math.inf
 
     def step(
@@ -161,14 +163,12 @@ class GroundNavigator:
             if name in self.robots and not state_fault(state, time, self.settings.sampling_interval):
                 self._states[name] = state
         self._hear(heard, goals)
+        self._cast.clear()
         served = self.served
         self._right_of_way.update(self._area_context, self._parties(time, states, goals), goals)
         decided: dict[str, PlannedPath | Stop] = {}
-        order = self._right_of_way.sequence()
-        for name in [
-            *(name for name in order if name in served),
-            *(name for name in served if name not in order),
-        ]:
+        first = [name for name in self._right_of_way.sequence() if name in served]
+        for name in first + [name for name in served if name not in first]:
             others = self._others(name, time, decided)
             decided[name] = self._decide(self.robots[name], time, states.get(name), goals.get(name), others)
         stop_foreign = self._settle(time, decided)
@@ -231,24 +231,27 @@ class GroundNavigator:
         self, name: str, time: float, decisions: Mapping[str, PlannedPath | Stop]
     ) -> list[OtherRobot]:
         """Where the other robots will be: decided already in this step, or on their last path, or standing."""
-        others = []
+        others: list[OtherRobot] = []
         for other, robot in self.robots.items():
-            state, promise = self._states.get(other), self._promise(other, decisions)
-            path = promise.path if time < promise.valid_until else None
-            if other == name or (state is None and path is None):
+            if other == name:
                 continue
-            step = self._distances[other].step
-            paths = [] if state is None else [TimedPath(time, step, state.pose.position[None])]
-            if path is not None:
-                paths = [up_to(path, promise.valid_until)]
-            elif promise.path is not None and state is not None and state.stamp < time - TIME_TOLERANCE:
-                # Not heard of since: it stands somewhere on what was left of its way.
-                left = np.arange(state.stamp, promise.valid_until + 0.5 * step, step)
-                paths += [TimedPath(time, step, point[None]) for point in promise.path.positions_at(left)]
             radius = max(robot.radius, self.robots[name].radius)
-            parked = promise.path is None and self._is_parked(other)
-            others += [OtherRobot(other, radius, path, parked) for path in paths]
+            memory, heard = self._memory.get(other), self._heard.get(other)
+            known = (time, decisions.get(other), memory, heard, self._states.get(other))
+            kept = self._cast.get((other, radius))
+            if kept is None or any(a is not b for a, b in zip(kept[0], known, strict=True)):
+                kept = self._cast[other, radius] = (known, self._ways(other, radius, time, decisions))
+            others += kept[1]
         return others
+
+    def _ways(
+        self, other: str, radius: float, time: float, decisions: Mapping[str, PlannedPath | Stop]
+    ) -> list[OtherRobot]:
+        """Where one robot will be, as a disk of a given radius [m]."""
+        promise = self._promise(other, decisions)
+        paths = possible_paths(self._states.get(other), promise, self._distances[other].step, time)
+        parked = promise.path is None and self._is_parked(other)
+        return [OtherRobot(other, radius, path, parked) for path in paths]
 
     def _promise(self, name: str, decisions: Mapping[str, PlannedPath | Stop]) -> HeardPath:
         """The path that a robot follows for all that is known now."""

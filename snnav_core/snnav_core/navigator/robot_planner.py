@@ -14,7 +14,6 @@ from snnav_core.navigator.evasion import closes, evade, may_stand
 from snnav_core.navigator.plans import best_profile, better, profiles, turn_and_leg, turn_on
 from snnav_core.navigator.search import Route, find_route, route_candidates
 from snnav_core.planning.adjustment import resample
-from snnav_core.planning.separation import OtherRobot
 from snnav_core.types import (
     FloatArray,
     PathSource,
@@ -254,7 +253,7 @@ def _stop_for(error: PlanningError, attempt: Attempt, goal: FloatArray) -> Stop:
         except PlanningError as without:
             error = without
         else:
-            names = ", ".join(other.id for other in attempt.others if _stands(other, attempt.time))
+            names = ", ".join(attempt.crowd[int(index)].id for index in np.flatnonzero(attempt.crowd.stands))
             message = f"robot {robot.id} waits: the way to its target is blocked by standing robots ({names})"
             return Stop(robot.id, StopReason.BLOCKED_BY_ROBOT, message)
     return Stop(robot.id, _REASONS.get(type(error), StopReason.NO_PATH), str(error))
@@ -266,19 +265,15 @@ def _standing(attempt: Attempt, parked: bool) -> Disks:
     With the margin and the reserve; never around this robot.
     """
     clearance = attempt.distances.least + attempt.distances.reserve
+    crowd = attempt.crowd
     disks = []
-    for other in attempt.others:
-        if _stands(other, attempt.time) and (other.parked or not parked):
+    for index in np.flatnonzero(crowd.stands):
+        other, gap = crowd[int(index)], float(crowd.gaps[index])
+        if other.parked or not parked:
             x, y = other.path.points[-1, :2]
             # The removed polygon is up to 1.1 % larger than the disk.
-            disks.append(
-                (float(x), float(y), min(other.radius + clearance, 0.98 * attempt.gap(other) - 1e-3))
-            )
+            disks.append((float(x), float(y), min(other.radius + clearance, 0.98 * gap - 1e-3)))
     return tuple(disks)
-
-
-def _stands(other: OtherRobot, time: float) -> bool:
-    return bool(np.all(other.path.positions_at(np.array([time])) == other.path.points[-1]))
 
 
 def _kept(attempt: Attempt, memory: RobotMemory) -> PlannedPath | None:

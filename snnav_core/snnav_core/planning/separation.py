@@ -25,6 +25,13 @@ class OtherRobot:
     path: TimedPath
     parked: bool = False
 
+    @cached_property
+    def row(self) -> tuple[FloatArray, int, float, float, float, float]:
+        """Points (N, 2) [m, map] and their number, start time, step [s], radius [m], and end of the motion [s]."""
+        path = self.path
+        end = -math.inf if path.turn_to is not None else path.end_time
+        return path.points[:, :2], len(path), path.start_time, path.step, self.radius, end
+
 
 class Traffic(Sequence[OtherRobot]):
     """The other robots that one robot is planned around, laid out for the compiled comparison.
@@ -56,24 +63,28 @@ class Traffic(Sequence[OtherRobot]):
     @cached_property
     def ways(self) -> tuple[Any, ...]:
         """Points of all paths (M, 2) [m, map], where those of each begin (O + 1,), start times and steps [s]."""
-        paths = [other.path for other in self._others]
-        points = np.concatenate([np.zeros((0, 2)), *(path.points[:, :2] for path in paths)])
-        offsets = np.cumsum([0, *(len(path) for path in paths)])
-        starts, steps = (
-            np.array([getattr(p, k) for p in paths], dtype=np.float64) for k in ("start_time", "step")
-        )
-        return np.ascontiguousarray(points), offsets, starts, steps
+        return self._columns[:4]
 
-    @cached_property
+    @property
     def radii(self) -> FloatArray:
         """Radii of the disks [m], shape (O,)."""
-        return np.array([other.radius for other in self._others], dtype=np.float64)
+        radii: FloatArray = self._columns[4]
+        return radii
 
-    @cached_property
+    @property
     def ends(self) -> FloatArray:
         """When each is at the end of its path [s], shape (O,); -inf for one that turns in place."""
-        ends = [-math.inf if o.path.turn_to is not None else o.path.end_time for o in self._others]
-        return np.array(ends, dtype=np.float64)
+        ends: FloatArray = self._columns[5]
+        return ends
+
+    @cached_property
+    def _columns(self) -> tuple[Any, ...]:
+        rows = [other.row for other in self._others]
+        points, counts, *numbers = zip(*rows, strict=True) if rows else ((), (), (), (), (), ())
+        offsets = np.zeros(len(rows) + 1, dtype=np.int64)
+        np.cumsum(np.array(counts, dtype=np.int64), out=offsets[1:])
+        together = np.concatenate((np.zeros((0, 2)), *points))
+        return together, offsets, *(np.array(values, dtype=np.float64) for values in numbers)
 
     def outlook(self, begin: float, end: float) -> tuple[FloatArray, FloatArray]:
         """Where the others are at one time [s], and how far from there they come up to another.

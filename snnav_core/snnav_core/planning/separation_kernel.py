@@ -7,7 +7,7 @@ import math
 import numba
 import numpy as np
 
-__all__ = ["outlook", "separate"]
+__all__ = ["are_near", "outlook", "sample", "separate"]
 
 _SAME_TIME = 1e-9  # of a step
 _TOLERANCE = 1e-9  # [m]
@@ -86,6 +86,33 @@ def outlook(points, offsets, starts, steps, begin, end):  # type: ignore[no-unty
         present[o, 0], present[o, 1] = _position(way, starts[o], steps[o], math.inf, begin)
         reach[o] = _reach(way, starts[o], steps[o], begin, end)
     return present, reach
+
+
+@numba.njit(cache=True, nogil=True)
+def sample(points, offsets, starts, steps, times):  # type: ignore[no-untyped-def]
+    """Where robots are at times (K,) [s], shape (O, K, 2) [m]."""
+    positions = np.empty((len(starts), len(times), 2))
+    for o in range(len(starts)):
+        way = points[offsets[o] : offsets[o + 1]]
+        for k in range(len(times)):
+            positions[o, k, 0], positions[o, k, 1] = _position(way, starts[o], steps[o], math.inf, times[k])
+    return positions
+
+
+@numba.njit(cache=True, nogil=True)
+def are_near(places, limits, chain, link):  # type: ignore[no-untyped-def]
+    """Whether each place (O, 2) has a point of a chain (N, 2) nearer than its limit (O,); links are at most `link`."""
+    near = np.zeros(len(places), dtype=np.bool_)
+    for o in range(len(places)):
+        k = 0
+        while k < len(chain):
+            dx, dy = chain[k, 0] - places[o, 0], chain[k, 1] - places[o, 1]
+            excess = math.sqrt(dx * dx + dy * dy) - limits[o]
+            if excess <= 0.0:
+                near[o] = True
+                break
+            k += max(1, int(excess / link))
+    return near
 
 
 @numba.njit(cache=True, nogil=True)

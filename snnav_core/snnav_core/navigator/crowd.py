@@ -1,0 +1,145 @@
+"""The other robots as one robot sees them in one step: who stands, who may come near, what to keep away from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snnav_core.navigator.prediction import TIME_TOLERANCE, up_to
+from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
+from snnav_core.planning.fields import DiskBarrier
+from snnav_core.planning.separation import OtherRobot, Traffic, stops_within
+from snnav_core.planning.separation_kernel import are_near, sample
+from snnav_core.types import FloatArray, HeardPath, Pose2D, RobotState, TimedPath
+
+__all__ = ["Crowd", "possible_paths"]
+
+_SLACK = 1.0  # [m]; farther than this an adjustment does not move a path
+
+
+class Crowd(Traffic):
+    """The other robots around one robot; everything is computed once, when it is first needed.
+
+    Parameters
+    ----------
+    others : sequence of OtherRobot
+    pose : Pose2D
+        Of the robot that is planned for [map].
+    time : float
+        Of the decision [s].
+    distances : RobotDistances
+    settings : NavigatorSettings
+    """
+
+    def __init__(
+        self,
+        others: Sequence[OtherRobot],
+        pose: Pose2D,
+        time: float,
+        distances: RobotDistances,
+        settings: NavigatorSettings,
+    ) -> None:
+        super().__init__(others)
+        self.pose, self.time = pose, time
+        self._distances, self._settings = distances, settings
+
+    @cached_property
+    def gaps(self) -> FloatArray:
+        """Present distances between the centres [m], shape (O,)."""
+        positions, _ = self.outlook(self.time, math.inf)
+        gaps: FloatArray = np.linalg.norm(positions - self.pose.position, axis=1)
+        return gaps
+
+    @cached_property
+    def stands(self) -> NDArray[np.bool_]:
+        """Which of them stand and have no way to go on, shape (O,)."""
+        return np.asarray(self.outlook(self.time, math.inf)[1] == 0.0)
+
+    def barriers(self, chain: FloatArray) -> list[DiskBarrier]:
+        """What the points of a path keep away from when a chain (N, 2) [m, map] is adjusted.
+
+        Robots on their paths that can be met within the window, or stay near the chain at the end of theirs; and for
+        the first interval the stops of those so near that they matter then.
+        """
+        if len(self) == 0:
+            return []
+        centres, demanded = self._disks
+        reach = self.gaps - self._own_reach - self._reach <= demanded.max(axis=1) + _SLACK
+        link = 1.02 * self._distances.link
+        stays = are_near(centres[:, -1], demanded[:, -1] + _SLACK, np.ascontiguousarray(chain), link)
+        met = np.flatnonzero(reach | stays)
+        return [DiskBarrier(centres[index], demanded[index]) for index in met] + self._stops
+
+    @cached_property
+    def _own_reach(self) -> float:
+        """How far the robot comes within the window [m]."""
+        distances = self._distances
+        return distances.certificate.stretch * distances.link * distances.window_points
+
+    @cached_property
+    def _reach(self) -> FloatArray:
+        window = self._settings.time_window * self._settings.sampling_interval
+        return self.outlook(self.time, self.time + window)[1]
+
+    @cached_property
+    def _disks(self) -> tuple[FloatArray, FloatArray]:
+        """Where the others are at the times of p_1, p_2, ... (O, K, 2), and what they demand then (O, K) [m]."""
+        points, offsets, starts, steps = self.ways
+        times = self.time + self._distances.step * np.arange(1, self._distances.window_points + 1)
+        centres = sample(points, offsets, starts, steps, times)
+        return centres, self._demanded(centres, self.radii, self.gaps)
+
+    def _demanded(self, centres: FloatArray, radii: FloatArray, gaps: FloatArray) -> FloatArray:
+        """Distances that keep the margin also between the points, for centres (O, K, 2) -> (O, K) [m]."""
+        link, count = self._distances.link, centres.shape[1]
+        clearance = self._settings.safety_margin + self._distances.reserve
+        longest = np.linalg.norm(np.diff(centres, axis=1), axis=2).max(axis=1, initial=0.0)
+        distance = np.hypot(radii + clearance, 0.5 * link + 0.5 * longest)
+        # Robots that stand nearer part at half the speed; they are not torn apart.
+        parting = gaps[:, None] + 0.5 * link * np.arange(1, count + 1)
+        demanded: FloatArray = np.minimum(distance[:, None], parting)
+        return demanded
+
+    @cached_property
+    def _stops(self) -> list[DiskBarrier]:
+        """Robots near this one that stop on their way: only the points up to the next decision keep away."""
+        distances, settings = self._distances, self._settings
+        times = self.time + distances.step * np.arange(1, distances.parts + 1, dtype=np.float64)
+        near = self.gaps < self.radii + settings.safety_margin + 3.0 * distances.stride
+        barriers = []
+        for index in np.flatnonzero(near & ~self.stands):
+            other = self[int(index)]
+            for stopped in stops_within(other.path, self.time, self.time + settings.sampling_interval):
+                centres = stopped.positions_at(times)[:, :2]
+                demanded = self._demanded(centres[None], self.radii[[index]], self.gaps[[index]])[0]
+                last = np.append(demanded, -math.inf)
+                barriers.append(DiskBarrier(np.vstack((centres, centres[-1:])), last))
+        return barriers
+
+
+def possible_paths(state: RobotState | None, promise: HeardPath, step: float, time: float) -> list[TimedPath]:
+    """Where a robot may be from `time` [s] on: on what it was promised, or standing somewhere on the rest of that.
+
+    Parameters
+    ----------
+    state : RobotState or None
+        The last that is known of it; None for nothing.
+    promise : HeardPath
+    step : float
+        Of the paths of one that stands [s].
+    time : float
+    """
+    if promise.path is not None and time < promise.valid_until:
+        return [up_to(promise.path, promise.valid_until)]
+    if state is None:
+        return []
+    paths = [TimedPath(time, step, state.pose.position[None])]
+    if promise.path is not None and state.stamp < time - TIME_TOLERANCE:
+        # Not heard of since: it stands somewhere on what was left of its way.
+        left = np.arange(state.stamp, promise.valid_until + 0.5 * step, step)
+        paths += [TimedPath(time, step, point[None]) for point in promise.path.positions_at(left)]
+    return paths
