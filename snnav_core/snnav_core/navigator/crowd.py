@@ -96,7 +96,7 @@ class Crowd(Traffic):
     def _demanded(self, centres: FloatArray, radii: FloatArray, gaps: FloatArray) -> FloatArray:
         """Distances that keep the margin also between the points, for centres (O, K, 2) -> (O, K) [m]."""
         link, count = self._distances.link, centres.shape[1]
-        clearance = self._settings.safety_margin + self._distances.reserve
+        clearance = self._settings.safety_margin + 2.0 * self._distances.tolerance + self._distances.reserve
         longest = np.linalg.norm(np.diff(centres, axis=1), axis=2).max(axis=1, initial=0.0)
         distance = np.hypot(radii + clearance, 0.5 * link + 0.5 * longest)
         # Robots that stand nearer part at half the speed; they are not torn apart.

@@ -15,6 +15,7 @@ from snnav_core.navigator.attempt import Attempt
 from snnav_core.navigator.context import AreaContext, aged
 from snnav_core.navigator.crowd import possible_paths
 from snnav_core.navigator.explain import Explainer
+from snnav_core.navigator.plans import shortened
 from snnav_core.navigator.prediction import TIME_TOLERANCE, onwards, predicted_pose, state_fault, up_to
 from snnav_core.navigator.right_of_way import RightOfWay
 from snnav_core.navigator.robot_planner import RobotMemory, plan_robot
@@ -329,9 +330,9 @@ class GroundNavigator:
         return decision
 
     def _settle(self, time: float, decisions: dict[str, PlannedPath | Stop]) -> dict[str, Stop]:
-        """Stop robots whose paths no longer agree with what others decided after them, until all agree.
+        """Shorten windows, or stop robots, whose paths no longer agree with what others decided after them.
 
-        Returns the robots of other navigators that have to be stopped.
+        Until all agree. Returns the robots of other navigators that have to be stopped.
         """
         margin, interval = self.settings.safety_margin, self.settings.sampling_interval
         end = time + self.settings.time_window * interval
@@ -344,9 +345,9 @@ class GroundNavigator:
                     continue
                 others = self._others(name, time, decisions)
                 until = min(end, decision.certificate.valid_until)
-                _, least, fault = separation(decision.path, others, until, margin, interval)
+                fails, least, fault = separation(decision.path, others, until, margin, interval)
                 if fault:
-                    decisions[name] = Stop(name, StopReason.BLOCKED_BY_ROBOT, f"robot {name} waits: {fault}")
+                    decisions[name] = shortened(decision, fails, interval, fault)
                     changed = True
                 else:
                     certificate = replace(decision.certificate, least_separation=least)

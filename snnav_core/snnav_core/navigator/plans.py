@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from snnav_core.navigator.attempt import Attempt, margin_profiles
 from snnav_core.navigator.search import Route, next_corner
 from snnav_core.planning.adjustment import resample
-from snnav_core.types import FloatArray, PathSource, PlannedPath, TimedPath
+from snnav_core.types import FloatArray, PathSource, PlannedPath, Stop, StopReason, TimedPath
 
-__all__ = ["best_profile", "better", "profiles", "turn_and_leg", "turn_on"]
+__all__ = ["best_profile", "better", "profiles", "shortened", "turn_and_leg", "turn_on"]
 
 _ALIGNED = 0.02  # a turn by less than this [rad] brings nothing
 
@@ -77,3 +78,13 @@ def better(best: PlannedPath | None, plan: PlannedPath | None) -> PlannedPath | 
     if best is None or plan.certificate.valid_until > best.certificate.valid_until + 1e-6:
         return plan
     return best
+
+
+def shortened(plan: PlannedPath, fails: float, interval: float, fault: str) -> PlannedPath | Stop:
+    """A path with the whole intervals of its window that are left before it fails [s]; a stop without any."""
+    whole = math.floor((fails - plan.path.start_time) / interval + 1e-6)
+    if whole < 1:
+        message = f"robot {plan.robot_id} waits: {fault}"
+        return Stop(plan.robot_id, StopReason.BLOCKED_BY_ROBOT, message)
+    valid_until = min(plan.path.start_time + whole * interval, plan.certificate.valid_until)
+    return replace(plan, certificate=replace(plan.certificate, valid_until=valid_until))

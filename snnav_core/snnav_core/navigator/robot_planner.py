@@ -264,7 +264,7 @@ def _standing(attempt: Attempt, parked: bool) -> Disks:
 
     With the margin and the reserve; never around this robot.
     """
-    clearance = attempt.distances.least + attempt.distances.reserve
+    clearance = attempt.distances.least + attempt.distances.tolerance + attempt.distances.reserve
     crowd = attempt.crowd
     disks = []
     for index in np.flatnonzero(crowd.stands):

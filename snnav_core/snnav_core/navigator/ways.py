@@ -134,7 +134,7 @@ class Ways:
     def need(self, first: str, second: str) -> float:
         """Distance of two robot centres that both can plan for [m]."""
         one, other = self.parties[first], self.parties[second]
-        reserve = max(one.distances.reserve, other.distances.reserve)
+        reserve = max(party.distances.reserve + 2.0 * party.distances.tolerance for party in (one, other))
         chord = 0.5 * max(one.distances.link, other.distances.link)
         return math.hypot(
             self.settings.safety_margin + max(one.robot.radius, other.robot.radius) + reserve, chord

@@ -45,7 +45,7 @@ class CertificateSettings:
         T, in sampling intervals.
     tracking_tolerance : float
         Demanded beyond the margin for tracking errors, in full from the first sampling interval on: the path starts
-        at the robot itself [m].
+        at the robot itself [m]. Twice as much towards other robots, which may be off their paths as well.
     radius_factor : float
         Smallest circumscribed radius as a share of R_min (C0-9).
     stretch : float
@@ -148,9 +148,9 @@ def certify(
     -------
     Certificate
         `accepted` only if for all times s up to `valid_until` the distance of the path, along its segments, to the
-        boundary is >= d_s + s V_max (plus the tracking tolerance), to every other robot's disk >= d_s, in the first
-        interval also should that robot stop, the rest of the
-        path keeps d_s, all circumscribed radii, the first heading and the link lengths hold.
+        boundary is >= d_s + s V_max (plus the tracking tolerance), to every other robot's disk >= d_s (plus twice the
+        tolerance), in the first interval also should that robot stop, the rest of the path keeps d_s, all
+        circumscribed radii, the first heading and the link lengths hold.
 
     Notes
     -----
@@ -366,6 +366,6 @@ class _Check:
     def separation(self) -> tuple[float, float, str]:
         """Until when the margin to other robots holds [s], the least distance to their disks [m], what fails then."""
         settings = self.settings
-        return separation(
-            self.path, self.others, self.window_end, settings.safety_margin, settings.sampling_interval
-        )
+        # Both may be off their paths.
+        margin = settings.safety_margin + 2.0 * settings.tracking_tolerance
+        return separation(self.path, self.others, self.window_end, margin, settings.sampling_interval)

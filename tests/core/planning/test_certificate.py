@@ -263,13 +263,15 @@ def test_a_robot_that_crosses_between_two_samples_is_seen() -> None:
     at_samples = np.linalg.norm(straight(8) - fast, axis=1).min()
     assert at_samples > 1.3, "far enough at every sample"
     certificate = check(straight(), others=[other(fast)])
-    assert refused(certificate, "of robot robot_2 after 1.00 s, margin 1.000 m")
+    assert refused(certificate, "of robot robot_2 after 1.00 s, margin 1.020 m"), (
+        "both may be off their paths"
+    )
     assert certificate.least_separation == pytest.approx(-0.3, abs=0.05)
     assert check(straight(), others=[other(fast, start=START - 2.0)]).accepted, "it has passed before"
 
 
 def test_a_standing_robot_is_kept_clear_of_also_beside_a_link() -> None:
-    for y, accepted in ((1.301, True), (1.299, False)):
+    for y, accepted in ((1.321, True), (1.319, False)):
         assert check(straight(), others=[other([[1.25, y]])]).accepted == accepted
     later = check(straight(), others=[other([[3.25, 1.2]])], least_window=1)
     assert later.accepted
