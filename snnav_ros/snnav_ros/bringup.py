@@ -13,7 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from snnav_core.errors import SnnavError
+from snnav_core.errors import InvalidInput, SnnavError
 from snnav_ros.available import make_executor, require_ros
 from snnav_ros.bag.writer import BagWriter
 from snnav_ros.domain import free_domain
@@ -24,7 +24,7 @@ from snnav_sim.report.record import RunRecord
 from snnav_sim.scene import Scene, dump_scene
 from snnav_sim.warm_up import warm_up
 
-__all__ = ["BringupError", "NodePlan", "plan_nodes", "run_scene"]
+__all__ = ["BringupError", "NodePlan", "plan_nodes", "run_scene", "share_robots"]
 
 _CLOCK, _FUSION, _PLANNER = "clock_node", "fusion_node", "planner_node"
 _WAIT = 0.2  # [s] from one look at signals and child processes to the next
@@ -56,7 +56,7 @@ class NodePlan:
 
 
 def plan_nodes(
-    scene: Scene, scene_file: Path, *, realtime: bool, processes: bool, seed: int
+    scene: Scene, scene_file: Path, *, realtime: bool, processes: bool, seed: int, planners: int = 1
 ) -> list[NodePlan]:
     """Return the nodes that a scene needs, the clock last."""
     # In lockstep a node goes by ticks; its own clock of ROS would hear every one of them once more.
@@ -66,9 +66,14 @@ def plan_nodes(
         for sensor in scene.sensors
     ]
     plans.append(NodePlan(_FUSION, "fusion", "FusionNode", common))
-    plans.append(NodePlan(_PLANNER, "planner", "PlannerNode", common))
+    shares = share_robots(scene, planners)
+    several = {"planners": list(shares)} if len(shares) > 1 else {}
+    for name, robots in shares.items():
+        served = {"serves": robots} if several else {}
+        plans.append(NodePlan(name, "planner", "PlannerNode", {**common, **several, **served}))
     plans += [
-        NodePlan(robot.id, "robot", "RobotNode", {**common, "robot_id": robot.id}) for robot in scene.robots
+        NodePlan(robot.id, "robot", "RobotNode", {**common, **several, "robot_id": robot.id})
+        for robot in scene.robots
     ]
     clock: dict[str, Any] = {**common, "use_sim_time": False}
     if not realtime:
@@ -76,7 +81,25 @@ def plan_nodes(
         from snnav_ros.nodes.recorder import RECORDER
 
         clock["every_tick"] = [*every_tick(scene), RECORDER]
+        clock["every_sample"] = [*(sensor.id for sensor in scene.sensors), _FUSION, *shares]
     return [*plans, NodePlan(_CLOCK, "clock", "ClockNode", clock)]
+
+
+def share_robots(scene: Scene, planners: int) -> dict[str, list[str]]:
+    """Return names of planner nodes and the robots that each of them serves, neighbours in the scene together.
+
+    Raises
+    ------
+    InvalidInput
+        If there are fewer robots than planners.
+    """
+    robots = [robot.id for robot in scene.robots]
+    if planners == 1:
+        return {_PLANNER: robots}
+    if not 1 <= planners <= len(robots):
+        raise InvalidInput(f"{planners} planners for {len(robots)} robots; give 1 to {max(1, len(robots))}")
+    bounds = [round(index * len(robots) / planners) for index in range(planners + 1)]
+    return {f"planner_{index + 1}": robots[bounds[index] : bounds[index + 1]] for index in range(planners)}
 
 
 def run_scene(
@@ -87,6 +110,7 @@ def run_scene(
     seed: int | None = None,
     bag: Path | None = None,
     progress: RunProgress | None = None,
+    planners: int = 1,
 ) -> RunRecord:
     """Run a scene through the nodes until all robots arrived, the time limit, or nothing will change any more.
 
@@ -103,6 +127,8 @@ def run_scene(
         Rosbag2 directory to record all topics into; it appears when the run is complete.
     progress : callable, optional
         Called once per sampling interval with the simulated time and the record up to then.
+    planners : int
+        So many planner nodes share the robots.
 
     Returns
     -------
@@ -110,6 +136,8 @@ def run_scene(
 
     Raises
     ------
+    InvalidInput
+        If there are fewer robots than planners.
     MissingRos
         If there is no rclpy.
     BringupError
@@ -130,8 +158,11 @@ def run_scene(
         scene_file = folder / "scene.yaml"
         scene_file.write_text(dump_scene(scene), encoding="utf-8")
         writer = None if bag is None else stack.enter_context(BagWriter(bag))
-        collector = RunCollector(scene, record, writer, not realtime, progress)
-        plans = plan_nodes(scene, scene_file, realtime=realtime, processes=processes, seed=record.seed)
+        several = list(share_robots(scene, planners)) if planners > 1 else []
+        collector = RunCollector(scene, record, writer, not realtime, progress, several)
+        plans = plan_nodes(
+            scene, scene_file, realtime=realtime, processes=processes, seed=record.seed, planners=planners
+        )
         children = None
         if processes:
             children = stack.enter_context(ChildProcesses(folder, domain))
@@ -140,7 +171,9 @@ def run_scene(
             plans = []
         context = stack.enter_context(_ros(domain))
         executor = stack.enter_context(_executor(context))
-        recorder = _add_nodes(stack, executor, context, scene, plans, collector, lockstep=not realtime)
+        recorder = _add_nodes(
+            stack, executor, context, scene, plans, collector, lockstep=not realtime, several=bool(several)
+        )
         _spin(executor, recorder, collector, children, told)
         collector.close()
     return record
@@ -183,6 +216,7 @@ def _add_nodes(
     collector: RunCollector,
     *,
     lockstep: bool,
+    several: bool,
 ) -> Any:
     """Make the planned nodes and the recorder, and return this; they are destroyed when the stack unwinds."""
     from rclpy.logging import LoggingSeverity, set_logger_level
@@ -194,7 +228,7 @@ def _add_nodes(
         stack.callback(node.destroy_node)
         executor.add_node(node)
 
-    recorder = RecorderNode(NodeOptions(context=context, lean=True), scene, collector, lockstep)
+    recorder = RecorderNode(NodeOptions(context=context, lean=True), scene, collector, lockstep, several)
     add(recorder)
     for plan in plans:
         set_logger_level(plan.name, LoggingSeverity.WARN)

@@ -24,6 +24,9 @@ RANGES: dict[str, tuple[float, float]] = {
     "command_timeout": (1e-3, 1.0),
     "pairing_patience": _DURATION,
     "clock_tolerance": (0.0, 10.0),
+    "sharing_deadline": _DURATION,
+    "joins_at": (0.0, 1e5),
+    "leaves_at": (1e-3, 1e5),
     # speeds [m/s], [rad/s]
     "boundary_speed": (0.0, 50.0),
     "speed": (1e-3, 50.0),

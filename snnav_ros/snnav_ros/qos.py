@@ -10,6 +10,7 @@ __all__ = [
     "COMMAND",
     "DIAGNOSTICS",
     "DONE_INBOX",
+    "INBOX",
     "LATCHED",
     "LOCKSTEP",
     "ODOMETRY",
@@ -42,6 +43,9 @@ COMMAND = _profile(1)
 """`<robot>/path`, `<robot>/certificate`, `<robot>/goal_pose`, `<robot>/cmd_vel`."""
 
 DIAGNOSTICS = _profile(10)
+
+INBOX = _profile(1000, latched=True)
+"""`robots`, `planners` where they are heard, in both modes; each publisher keeps its last word (`LATCHED`)."""
 
 RECORDED = _profile(100)
 """What the recorder of a run hears in real time, scans excepted."""

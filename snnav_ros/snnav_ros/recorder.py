@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from snnav_core.types import Pose2D, TimedPath, VelocityCommand
+from snnav_core.types import Pose2D, StopReason, TimedPath, VelocityCommand
 from snnav_ros.bag.writer import BagWriter
 from snnav_ros.convert import (
     Verdict,
+    Word,
+    announcement_from_message,
     area_from_message,
     nanoseconds,
     nanoseconds_from_stamp,
@@ -17,6 +19,7 @@ from snnav_ros.convert import (
     seconds,
     state_from_message,
     verdict_from_message,
+    word_from_message,
 )
 from snnav_sim.ending import EndWatch
 from snnav_sim.report.record import Decision, RunRecord
@@ -27,13 +30,12 @@ __all__ = ["RunCollector", "RunProgress"]
 RunProgress = Callable[[float, RunRecord], None]
 """Called once per sampling interval with the simulated time [s] and what is recorded up to then."""
 
-_STEPS = ("fusion", "planner")  # diagnostic statuses that tell how long a step took
-
 
 @dataclass
 class _Robot:
     """What is known of one robot, and messages that wait for their partners."""
 
+    begin: int
     stamp: int = -1
     pose: Pose2D | None = None
     motion: VelocityCommand = field(default_factory=lambda: VelocityCommand(0.0, 0.0))
@@ -55,6 +57,8 @@ class RunCollector:
     lockstep : bool
         Whether nothing is ever lost: then the run is finished when all of its last instant is there.
     progress : callable, optional
+    planners : sequence of str
+        Names of all planner nodes if there are several.
     """
 
     def __init__(
@@ -64,15 +68,23 @@ class RunCollector:
         bag: BagWriter | None,
         lockstep: bool,
         progress: RunProgress | None = None,
+        planners: Sequence[str] = (),
     ) -> None:
         self.record = record
         self.messages = 0
         """How many came; a run is alive while this grows."""
+        self._scene = scene
         self._bag, self._lockstep, self._progress = bag, lockstep, progress
+        self._words: dict[str, dict[int, Word]] = {name: {} for name in planners}
+        self._removed: dict[str, int] = {}  # when [ns]
+        self._order: list[str] = []
+        planner = [f"planner {name}" for name in planners] or ["planner"]
+        self._steps = {"fusion": record.fusion_seconds} | dict.fromkeys(planner, record.planner_seconds)
         self._control_ns = nanoseconds(scene.control_period)
-        self._robots = {robot.id: _Robot() for robot in scene.robots}
+        begins = {robot.id: nanoseconds(scene.instant(robot.joins_at)) for robot in scene.robots}
+        self._robots = {name: _Robot(begin) for name, begin in begins.items()}
         self._latest: dict[str, int] = {sensor.id: -1 for sensor in scene.sensors}
-        self._latest |= dict.fromkeys(("area", "grid", *_STEPS), -1)
+        self._latest |= dict.fromkeys(("area", "grid", *self._steps), -1)
         self._latest |= {f"tracker {robot.id}": -1 for robot in scene.robots}
         self._watch = EndWatch(scene)
         self._decided = -1
@@ -93,14 +105,43 @@ class RunCollector:
 
     def missing(self, tick: int, sampled: bool) -> list[str]:
         """Return what of a tick [ns] is not there yet."""
-        names = [f"{name}/odom" for name, robot in self._robots.items() if robot.stamp < tick]
-        for name, robot in self._robots.items():
-            if (robot.commands - 1) * self._control_ns < tick:
+        present = self._present(tick)
+        names = [f"{name}/odom" for name in present if self._robots[name].stamp < tick]
+        for name in present:
+            robot = self._robots[name]
+            if robot.begin + (robot.commands - 1) * self._control_ns < tick:
                 names.append(f"{name}/cmd_vel")
         if sampled:
-            names += [key for key, stamp in self._latest.items() if stamp < tick]
+            absent = {f"tracker {name}" for name in self._robots if name not in present}
+            names += [key for key, stamp in self._latest.items() if stamp < tick and key not in absent]
             names += [] if self._decided >= tick else ["paths and certificates"]
         return names
+
+    def _present(self, tick: int) -> list[str]:
+        """Ids of the robots in the workspace at a tick [ns], those that joined later last."""
+        there = [
+            robot.id
+            for robot in self._scene.robots
+            if self._removed.get(robot.id, tick + 1) > tick and self._scene.is_present(robot, seconds(tick))
+        ]
+        self._order = [name for name in self._order if name in there]
+        self._order += [name for name in there if name not in self._order]
+        return self._order
+
+    def take_announcement(self, topic: str, message: Any) -> None:
+        """Take what a robot says of itself; one that leaves without the scene saying so is waited for no more."""
+        announcement = announcement_from_message(message, topic)
+        self.write(topic, message, announcement.stamp)
+        if announcement.id in self._robots and announcement.spec is None:
+            self._removed[announcement.id] = announcement.stamp
+
+    def take_word(self, topic: str, message: Any) -> None:
+        """Take the word of a planner, which says whom it stopped besides."""
+        word = word_from_message(message, topic)
+        self.write(topic, message, word.stamp)
+        if word.planner in self._words:
+            self._words[word.planner][word.stamp] = word
+            self._decide(word.stamp)
 
     def close(self) -> None:
         """Note where the robots are at the end."""
@@ -132,9 +173,9 @@ class RunCollector:
         for status in message.status:
             if status.name in self._latest:
                 self._latest[status.name] = max(self._latest[status.name], stamp)
-            if status.name in _STEPS:
+            if status.name in self._steps:
                 values = {pair.key: pair.value for pair in status.values}
-                steps = self.record.fusion_seconds if status.name == "fusion" else self.record.planner_seconds
+                steps = self._steps[status.name]
                 steps.append(1e-3 * float(values["step_ms"]))
 
     def take_odometry(self, name: str, topic: str, message: Any) -> None:
@@ -148,7 +189,7 @@ class RunCollector:
     def take_command(self, name: str, topic: str, message: Any) -> None:
         """Take the command of a robot; it has no stamp: in lockstep the n-th is the one of the n-th tick."""
         robot = self._robots[name]
-        stamp = robot.commands * self._control_ns if self._lockstep else max(robot.stamp, 0)
+        stamp = robot.begin + robot.commands * self._control_ns if self._lockstep else max(robot.stamp, 0)
         robot.commands += 1
         robot.motion = VelocityCommand(message.linear.x, message.angular.z)
         self.write(topic, message, stamp)
@@ -161,7 +202,9 @@ class RunCollector:
         """Take a path or a stop."""
         stamp = nanoseconds_from_stamp(message.header.stamp)
         self.write(topic, message, stamp)
-        self._robots[name].paths[stamp] = path_from_message(message, topic)
+        path = path_from_message(message, topic)
+        paths = self._robots[name].paths
+        paths[stamp] = None if paths.get(stamp, path) is None else path
         self._decide(stamp)
 
     def take_verdict(self, name: str, topic: str, message: Any) -> None:
@@ -174,13 +217,20 @@ class RunCollector:
 
     def _decide(self, stamp: int) -> None:
         """Note the decisions of an instant when those of all robots are there."""
-        robots = self._robots.values()
+        present = self._present(stamp)
+        robots = [self._robots[name] for name in present]
         if self.ended or not all(stamp in robot.paths and stamp in robot.verdicts for robot in robots):
             return
+        if not all(stamp in words for words in self._words.values()):
+            return
+        halted = {name: why for words in self._words.values() for name, why in words.pop(stamp).stops}
         stops: dict[str, str] = {}
-        for name, robot in self._robots.items():
+        for name, robot in zip(present, robots, strict=True):
             path, verdict = robot.paths.pop(stamp), robot.verdicts.pop(stamp)
             decision = _decision(seconds(stamp), name, path, verdict)
+            if name in halted:
+                blocked = StopReason.BLOCKED_BY_ROBOT.value
+                decision, path = Decision(seconds(stamp), name, None, blocked, halted[name]), None
             self.record.decisions.append(decision)
             if path is None:
                 stops[name] = decision.reason

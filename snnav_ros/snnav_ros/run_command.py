@@ -40,6 +40,13 @@ def add_parsers(subparsers: argparse._SubParsersAction[argparse.ArgumentParser])
         "--realtime", action="store_true", help="by the clock on the wall instead of in lockstep"
     )
     run.add_argument("--processes", action="store_true", help="every node as a process of its own")
+    run.add_argument(
+        "--planners",
+        type=int,
+        default=1,
+        metavar="N",
+        help="so many planner nodes share the robots (default: 1)",
+    )
     run.add_argument("--seed", type=_seed, metavar="N", help="instead of the seed of the scene")
     run.add_argument("--out", type=Path, metavar="DIR", help="run directory (default: runs/SCENE-DATE-TIME)")
     run.add_argument("--no-figures", action="store_true", help="draw nothing")
@@ -64,9 +71,14 @@ def _run(arguments: argparse.Namespace) -> int:
     from snnav_sim.report.tables import result_table
     from snnav_sim.report.write import check_run_directory, write_run_directory
 
-    if arguments.core and (arguments.realtime or arguments.processes):
-        raise InvalidInput("--core does not go with --realtime or --processes; leave one out")
+    if arguments.core and (arguments.realtime or arguments.processes or arguments.planners != 1):
+        raise InvalidInput("--core does not go with --realtime, --processes or --planners; leave one out")
     scene = load_scene(find_scene(arguments.scene))
+    robots = len(scene.robots)
+    if not 1 <= arguments.planners <= max(1, robots):
+        raise InvalidInput(
+            f"--planners {arguments.planners}: {scene.name} has {robots} robots; give 1 to {robots}"
+        )
     if not arguments.core:
         require_ros("`snnav run` without --core")
     directory = arguments.out or Path("runs") / f"{_file_name(scene.name)}-{clock.strftime('%Y%m%d-%H%M%S')}"
@@ -110,6 +122,7 @@ def _carry_out(
         seed=arguments.seed,
         bag=bag,
         progress=show,
+        planners=arguments.planners,
     )
     return record, {"bag": bag}
 

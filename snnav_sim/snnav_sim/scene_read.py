@@ -21,7 +21,7 @@ from snnav_sim.scene_types import (
 )
 from snnav_sim.scene_yaml import Field
 
-__all__ = ["LARGEST_SEED", "OPTIONAL", "REQUIRED", "SCANNER", "read_scene"]
+__all__ = ["LARGEST_SEED", "OPTIONAL", "REQUIRED", "SCANNER", "is_name", "read_scene"]
 
 LARGEST_SEED = 2**53  # up to here every whole number is a double: YAML, JSON and ROS parameters agree
 
@@ -37,7 +37,7 @@ OPTIONAL = (
     "movers",
 )
 _ID = re.compile(r"[A-Za-z](_?[A-Za-z0-9])*")
-_RESERVED = ("sensors", "map", "unoccupied_area", "lockstep", "clock", "diagnostics")
+_RESERVED = ("sensors", "map", "unoccupied_area", "lockstep", "clock", "diagnostics", "robots", "planners")
 _LARGEST = 1e4  # [m]; coordinates beyond it are a mistake of units
 _MOST_BEAMS = 100_000
 _LATEST = 1e5  # [s]
@@ -88,6 +88,11 @@ def read_scene(root: Field) -> Scene:
         sensors=tuple(_sensor(item) for item in listed("sensors", "[{id: ...}, ...]")),
         robots=tuple(_robot(item) for item in listed("robots", "[{id: ...}, ...]")),
     )
+
+
+def is_name(text: str) -> bool:
+    """Whether a text can be the id of a robot or sensor: a valid ROS name that is not reserved."""
+    return _ID.fullmatch(text) is not None and text not in _RESERVED
 
 
 def read_id(field: Field) -> str:

@@ -155,6 +155,7 @@ def test_bag_holds_every_topic(tmp_path: Path) -> None:
         "/unoccupied_area": samples,
         "/unoccupied_area/grid": samples,
         "/diagnostics": 3 * samples,
+        "/robots": 1,
     }
     assert stamps["/robot_1/cmd_vel"] == stamps["/robot_1/odom"] == [50_000_000 * k for k in range(ticks)]
     assert stamps["/unoccupied_area"] == [500_000_000 * k for k in range(samples)]

@@ -76,6 +76,10 @@ class GroundNavigator:
         """Ids of the robots in the workspace that are decided for here, in the order they were given."""
         return [name for name in self.robots if self._serves is None or name in self._serves]
 
+    def withdraw(self) -> None:
+        """Take back the last step: nothing of it was published, the robots follow what they had before."""
+        self._memory = dict(self._before)
+
     def add_robot(self, robot: RobotSpec) -> None:
         """Take a robot into the workspace, last in order.
 
@@ -99,6 +103,7 @@ class GroundNavigator:
     def reset(self) -> None:
         """Forget all paths, as after a jump of time."""
         self._memory: dict[str, RobotMemory] = {}
+        self._before: dict[str, RobotMemory] = {}
         self._states: dict[str, RobotState] = {}
         self._explainer = Explainer(self.settings.search_interval)
         self._right_of_way = RightOfWay(self.settings)
@@ -164,6 +169,7 @@ class GroundNavigator:
             if name in self.robots and not state_fault(state, time, self.settings.sampling_interval):
                 self._states[name] = state
         self._hear(heard, goals)
+        self._before = dict(self._memory)
         self._cast.clear()
         served = self.served
         self._right_of_way.update(self._area_context, self._parties(time, states, goals), goals)

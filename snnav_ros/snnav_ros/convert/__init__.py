@@ -4,6 +4,11 @@ Readers (`..._from_message`) only read attributes, so they take messages of rclp
 import the message packages when they are called.
 """
 
+from snnav_ros.convert.announcement import (
+    Announcement,
+    announcement_from_message,
+    announcement_to_message,
+)
 from snnav_ros.convert.area import area_from_message, area_to_message
 from snnav_ros.convert.frames import MAP_FRAME, check_frame, yaw_from_message, yaw_to_message
 from snnav_ros.convert.grid import area_to_grid
@@ -20,11 +25,16 @@ from snnav_ros.convert.stamps import (
     stamp_message,
 )
 from snnav_ros.convert.verdict import Verdict, verdict_from_message, verdict_to_message
+from snnav_ros.convert.word import Word, word_from_message, word_to_message
 
 __all__ = [
     "MAP_FRAME",
     "SEEN_FIELDS",
+    "Announcement",
     "Verdict",
+    "Word",
+    "announcement_from_message",
+    "announcement_to_message",
     "area_from_message",
     "area_to_grid",
     "area_to_message",
@@ -50,6 +60,8 @@ __all__ = [
     "stop_to_path",
     "verdict_from_message",
     "verdict_to_message",
+    "word_from_message",
+    "word_to_message",
     "yaw_from_message",
     "yaw_to_message",
 ]

@@ -110,10 +110,19 @@ class ManagedNode(LifecycleNode):
         self._release.append(lambda: self.destroy_publisher(publisher))
         return publisher
 
-    def listen(self, kind: Any, topic: str, callback: Callable[[Any], None], qos: QoSProfile) -> None:
-        """Hear a topic until the node is deactivated."""
+    def listen(
+        self, kind: Any, topic: str, callback: Callable[[Any], None], qos: QoSProfile
+    ) -> Callable[[], object]:
+        """Hear a topic until the node is deactivated; return what ends it before."""
         subscription = self.create_subscription(kind, topic, self._while_active(callback), qos)
-        self._halt.append(lambda: self.destroy_subscription(subscription))
+
+        def end() -> None:
+            if end in self._halt:
+                self._halt.remove(end)
+            self.destroy_subscription(subscription)
+
+        self._halt.append(end)
+        return end
 
     def every(self, period: float, callback: Callable[[], None]) -> None:
         """Call something periodically [s] until the node is deactivated.

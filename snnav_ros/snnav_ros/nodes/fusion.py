@@ -17,6 +17,7 @@ from visualization_msgs.msg import MarkerArray
 from snnav_core.area.fusion import AreaFusion, FusionSettings
 from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.errors import InvalidInput
+from snnav_core.types import RobotSpec
 from snnav_ros.convert import (
     MAP_FRAME,
     area_to_grid,
@@ -35,6 +36,7 @@ from snnav_ros.convert import (
 from snnav_ros.lockstep import Participant
 from snnav_ros.nodes.base import ManagedNode, NodeOptions, diagnostics, serve, status
 from snnav_ros.nodes.node_time import now_of, watch_time
+from snnav_ros.nodes.roster import Roster
 from snnav_ros.nodes.sensors import read_seen_robots, read_sensors
 from snnav_ros.qos import DIAGNOSTICS, LATCHED, ODOMETRY_INPUT, SENSOR, for_mode
 from snnav_ros.scenes import read_scene
@@ -45,6 +47,8 @@ __all__ = ["FusionNode", "FusionParameters"]
 _MOST_SCANS, _MOST_STATES = 10, 200  # of one sensor, of one robot, that wait for the next step in real time
 
 _CLOCK_LAG = 0.1  # [s] that `/clock` may come later here than at a simulated scanner
+
+_ACCEPT_TEXT = "Whether robots that sensors see may join by announcing themselves on `robots`."
 
 _Arrivals = dict[str, deque[tuple[int, Any]]]  # by sensor or robot: time of arrival [ns] and message
 
@@ -82,9 +86,10 @@ class FusionNode(ManagedNode):
         super().__init__("fusion_node", options or NodeOptions())
         scene = read_scene(self.reader)
         self.sensors = {one.sensor.id: one for one in read_sensors(self.reader, scene)}
-        self.robots = {
-            spec.id: spec for spec in read_seen_robots(self.reader, scene, list(self.sensors.values()))
-        }
+        accepts: bool = self.reader.value("accept_robots", bool, _ACCEPT_TEXT, True)
+        robots = read_seen_robots(self.reader, scene, list(self.sensors.values()), may_be_none=accepts)
+        self._sees = any(one.sensor.settings.sees_robots for one in self.sensors.values())
+        self._roster = Roster(self, scene, robots, accepts, self._join, self._leave)
         interval = {} if scene is None else {"sampling_interval": scene.sampling_interval}
         self.settings = self.reader.settings(FusionParameters, **interval)
         base: dict[str, Any] = {"boundary_speed": MISSING}  # how fast things move, a person has to say
@@ -101,11 +106,17 @@ class FusionNode(ManagedNode):
         serve(self, self.options, self.reset, switches)
         self.autostart()
 
+    @property
+    def robots(self) -> dict[str, RobotSpec]:
+        """Robots that sensors may see, by id."""
+        return self._roster.present
+
     def configure(self) -> None:
         """Make the fusion and the publishers."""
         self._fusion = AreaFusion(
             [one.sensor for one in self.sensors.values()], self.fusion_settings, list(self.robots.values())
         )
+        self._endings: dict[str, Callable[[], object]] = {}
         self._enabled = dict.fromkeys(self.sensors, True)
         self._scans = self._inbox(self.sensors, _MOST_SCANS)
         self._odometry = self._inbox(self.robots, _MOST_STATES)
@@ -129,8 +140,9 @@ class FusionNode(ManagedNode):
                 LaserScan, _topic(name), partial(self._on_scan, name), for_mode(self.lockstep, SENSOR)
             )
         for name in self.robots:
-            odometry = for_mode(self.lockstep, ODOMETRY_INPUT)
-            self.listen(Odometry, f"{name}/odom", partial(self._on_odometry, name), odometry)
+            self._listen_to(name)
+        if self._sees:
+            self._roster.start(self._step_when_complete)
         self._participant: Participant | None = None
         if self.lockstep:
             period = nanoseconds(self.settings.sampling_interval)
@@ -144,6 +156,23 @@ class FusionNode(ManagedNode):
             ]
         )
 
+    def _listen_to(self, name: str) -> None:
+        odometry = for_mode(self.lockstep, ODOMETRY_INPUT)
+        self._endings[name] = self.listen(
+            Odometry, f"{name}/odom", partial(self._on_odometry, name), odometry
+        )
+
+    def _join(self, spec: RobotSpec) -> None:
+        self._fusion.add_robot(spec)
+        self._odometry |= self._inbox([spec.id], _MOST_STATES)
+        self._listen_to(spec.id)
+
+    def _leave(self, name: str) -> None:
+        self._fusion.remove_robot(name)
+        self._endings.pop(name)()
+        del self._odometry[name]
+        self._problems.pop(f"{name}/odom", None)
+
     def _inbox(self, names: Iterable[str], most: int) -> _Arrivals:
         """What came since the last step; in lockstep nothing may be left out."""
         return {name: deque(maxlen=None if self.lockstep else most) for name in names}
@@ -151,6 +180,7 @@ class FusionNode(ManagedNode):
     def reset(self) -> None:
         """Forget all scans and the memory."""
         self._fusion.reset()
+        self._roster.reset()
         self._problems.clear()
         if not self.lockstep:  # in lockstep data of the new time may be here before their tick
             for waiting in (*self._scans.values(), *self._odometry.values()):
@@ -197,6 +227,10 @@ class FusionNode(ManagedNode):
         if self._participant is None or self._participant.due is None:
             return
         tick = self._participant.due
+        if self._sees:
+            if not self._roster.is_complete(tick):
+                return
+            self._roster.settle(tick)
         needed = [self._scans[name] for name, enabled in self._enabled.items() if enabled]
         for waiting in (*needed, *self._odometry.values()):
             if not any(nanoseconds_from_stamp(message.header.stamp) == tick for _, message in waiting):

@@ -72,6 +72,7 @@ class Lms200Node(Node):
         scene, sensor = self._read()
         lockstep = self.settings.lockstep
         seen = scene.robots if sensor.sees_robots else ()
+        self._scene = scene
         self._tracks = {robot.id: RobotTrack(robot.spec) for robot in seen}
         seed = scene.seed if self.settings.seed is None else self.settings.seed
         device = make_device(sensor, World(scene), seed, list(self._tracks.values()))
@@ -158,8 +159,12 @@ class Lms200Node(Node):
         if self._participant is None or self._participant.due is None:
             return
         tick = self._participant.due
-        if any(track.last_stamp != seconds(tick) for track in self._tracks.values()):
-            return
+        for robot in self._scene.robots if self._tracks else ():
+            track = self._tracks[robot.id]
+            if not self._scene.is_present(robot, seconds(tick)):
+                track.clear()
+            elif track.last_stamp != seconds(tick):
+                return
         if tick % self._sample_ns == 0:
             last = self._publish(tick, 0)
             if last != tick:
@@ -169,7 +174,11 @@ class Lms200Node(Node):
     def _on_timer(self) -> None:
         self._waiting.heard("/clock")
         origin = self._origin()
-        self._publish(now_of(self) - origin, origin)
+        now = now_of(self) - origin
+        for robot in self._scene.robots if self._tracks else ():
+            if not self._scene.is_present(robot, seconds(now)):
+                self._tracks[robot.id].clear()
+        self._publish(now, origin)
         self._begun = True
 
     def _publish(self, now: int, origin: int) -> int:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time as clock
-from dataclasses import MISSING, dataclass, fields
+from collections import deque
+from dataclasses import MISSING, fields
 from functools import partial
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Odometry, Path
+from nav_msgs.msg import Odometry
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
@@ -17,52 +18,33 @@ from snnav_core.area.planar import LostPart, UnoccupiedArea
 from snnav_core.errors import InvalidInput
 from snnav_core.navigator.ground import GroundNavigator
 from snnav_core.navigator.settings import NavigatorSettings
-from snnav_core.types import PlannedPath, RobotState, StepResult, Stop, StopReason
+from snnav_core.types import RobotSpec, RobotState, StepResult, Stop, StopReason
 from snnav_ros.convert import (
-    MAP_FRAME,
     area_from_message,
     goal_from_message,
     lost_from_message,
     nanoseconds,
     nanoseconds_from_stamp,
-    path_to_message,
     seconds,
     state_from_message,
-    stop_to_path,
-    verdict_to_message,
 )
 from snnav_ros.lockstep import Participant
 from snnav_ros.nodes.base import ManagedNode, NodeOptions, diagnostics, serve, status
+from snnav_ros.nodes.fellows import Fellows
 from snnav_ros.nodes.node_time import has_time, now_of, watch_time
+from snnav_ros.nodes.operator import GoalScript
+from snnav_ros.nodes.planner_parameters import PlannerParameters
+from snnav_ros.nodes.robot_port import RobotPort
 from snnav_ros.nodes.robots import read_robots
-from snnav_ros.qos import COMMAND, DIAGNOSTICS, LATCHED, ODOMETRY_INPUT, for_mode
+from snnav_ros.nodes.roster import Roster
+from snnav_ros.qos import DIAGNOSTICS, LATCHED, LOCKSTEP, for_mode
 from snnav_ros.scenes import read_scene
 from snnav_sim.configure import navigator_settings
 
 __all__ = ["PlannerNode", "PlannerParameters"]
 
 _AREA, _LOST = "unoccupied_area", "unoccupied_area/lost"
-
-
-@dataclass(frozen=True)
-class PlannerParameters:
-    """Parameters of the node besides those of the navigator and of the robots.
-
-    Parameters
-    ----------
-    max_area_age : float or None
-        All robots are stopped when the unoccupied area is older, also when it comes so late [s]; two sampling
-        intervals when left out.
-    clock_tolerance : float
-        How far stamps of the area and of odometry may lie ahead of the planner's clock [s]; what lies farther ahead is
-        not used. Not in lockstep, where time waits.
-    odometry_frames : tuple of str
-        Frames of odometry that coincide with the map; `{robot}` stands for the id of the robot.
-    """
-
-    max_area_age: float | None = None
-    clock_tolerance: float = 0.05
-    odometry_frames: tuple[str, ...] = (MAP_FRAME,)
+_STATES_KEPT = 200  # of each robot, for several planners
 
 
 class PlannerNode(ManagedNode):
@@ -71,50 +53,71 @@ class PlannerNode(ManagedNode):
     One step for every unoccupied area that comes. When none comes for `max_area_age`, all robots are stopped.
 
     The time of a step is the stamp of the area or, in real time, that of the newest odometry if this is later: what
-    the boundary may have moved in between is then taken off the area.
+    the boundary may have moved in between is then taken off the area. Several planners go by the stamp of the area,
+    and issue nothing while they do not know what the others promised (see `Fellows`): robots then go on to the ends of
+    their windows. Robots join and leave by `robots` (see `Roster`).
     """
 
     def __init__(self, options: NodeOptions | None = None) -> None:
         super().__init__("planner_node", options or NodeOptions())
         scene = read_scene(self.reader)
-        self.robots = {robot.spec.id: robot for robot in read_robots(self.reader, scene)}
         self.settings = self.reader.settings(PlannerParameters)
+        robots = read_robots(self.reader, scene, may_be_none=self.settings.accept_robots)
         base: dict[str, Any] = {"boundary_speed": MISSING}  # how fast things move, a person has to say
         if scene is not None:
             held = navigator_settings(scene)
             base = {field.name: getattr(held, field.name) for field in fields(held)}
         self.navigator_settings = self.reader.settings(NavigatorSettings, **base)
         self.reader.finish()
-        self._max_area_age = self.settings.max_area_age or 2.0 * self.navigator_settings.sampling_interval
+        settings, interval = self.settings, self.navigator_settings.sampling_interval
+        self._max_area_age = settings.max_area_age or 2.0 * interval
+        self._targets = {robot.spec.id: robot.target for robot in robots if robot.target is not None}
+        specs = [robot.spec for robot in robots]
         try:
-            self._navigator = GroundNavigator(
-                [robot.spec for robot in self.robots.values()], self.navigator_settings
-            )
+            self._navigator = GroundNavigator(specs, self.navigator_settings, settings.serves or None)
         except InvalidInput as error:
             self.reader.fail("robots", str(error))
+        self._roster = Roster(self, scene, specs, settings.accept_robots, self._join, self._leave)
+        self._script = GoalScript(scene if self.lockstep else None)
+        self._fellows: Fellows | None = None
+        if settings.planners:
+            window = self.navigator_settings.time_window * interval
+            try:
+                self._fellows = Fellows(self, settings.planners, window, self._on_promise)
+            except InvalidInput as error:
+                self.reader.fail("planners", str(error))
+        share = interval / (len(settings.planners) + 1)
+        self._share = nanoseconds(settings.sharing_deadline or share)
         if not self.lockstep:
             self._jump = watch_time(self, self.reset)
-        switches = {f"{name}/enable": partial(self._enable, name) for name in self.robots}
-        serve(self, self.options, self.reset, switches)
+        serve(self, self.options, self.reset, {})
+        self._ports: dict[str, RobotPort] = {}
         self.autostart()
+
+    @property
+    def robots(self) -> dict[str, RobotSpec]:
+        """Robots in the workspace by id."""
+        return self._roster.present
 
     def configure(self) -> None:
         """Make the publishers."""
-        self._goals = {name: robot.target for name, robot in self.robots.items() if robot.target is not None}
-        self._enabled = dict.fromkeys(self.robots, True)
+        self._goals = dict(self._targets)
+        self._goal_stamps: dict[str, int] = {}
         self._area: UnoccupiedArea | None = None
         self._area_stamp = -1
         self._lost: tuple[LostPart, ...] = ()
         self._lost_stamp = self._decided = -1
         self._states: dict[str, tuple[int, RobotState]] = {}
+        self._recent: dict[str, deque[RobotState]] = {}
+        self._due: tuple[int, UnoccupiedArea] | None = None
         self._problems: dict[str, str] = {}
-        self._reasons: dict[str, StopReason | None] = {}
         self._misses = 0
-        command = for_mode(self.lockstep, COMMAND)
-        self._paths = {name: self.publisher(Path, f"{name}/path", command) for name in self.robots}
-        self._verdicts = {
-            name: self.publisher(DiagnosticStatus, f"{name}/certificate", command) for name in self.robots
-        }
+        self._ports = {}
+        self._roster.configure()
+        if self._fellows is not None:
+            self._fellows.configure()
+        for name in self._roster.present:
+            self._port(name)
         self._diagnostics = self.publisher(
             DiagnosticArray, "/diagnostics", for_mode(self.lockstep, DIAGNOSTICS)
         )
@@ -124,33 +127,90 @@ class PlannerNode(ManagedNode):
         latched = for_mode(self.lockstep, LATCHED)
         self.listen(MarkerArray, _LOST, self._on_lost, latched)
         self.listen(PointCloud2, _AREA, self._on_area, latched)
-        for name in self.robots:
-            odometry = for_mode(self.lockstep, ODOMETRY_INPUT)
-            self.listen(Odometry, f"{name}/odom", partial(self._on_odometry, name), odometry)
-            self.listen(PoseStamped, f"{name}/goal_pose", partial(self._on_goal, name), COMMAND)
+        for name in self._script.robots:  # also of those who are still to join; nothing of it may be lost
+            self.listen(PoseStamped, f"{name}/goal_pose", partial(self._on_goal, name), LOCKSTEP)
         self._participant: Participant | None = None
+        interval = self.navigator_settings.sampling_interval
         if self.lockstep:
-            period = nanoseconds(self.navigator_settings.sampling_interval)
-            self._participant = self.participate(period, self._on_tick, self.reset)
+            self._participant = self.participate(nanoseconds(interval), self._on_tick, self.reset)
         else:
-            self.every(self.navigator_settings.sampling_interval, self._watch_area)
+            self.every(interval, self._watch_area)
         self._waiting = self.report_waiting(self._inputs)
+        for name in self._roster.present:
+            self._listen_to(name)
+        if self._fellows is not None:
+            self._fellows.start()
+            if not self.lockstep:
+                self.every(seconds(self._share) / 20.0, self._on_promise)
+        self._roster.start(self._step_when_complete)
 
     def reset(self) -> None:
         """Forget paths, area and states; goals stay."""
         self._navigator.reset()
+        self._roster.reset()
+        if self._fellows is not None and not self.lockstep:
+            self._fellows.reset()
         if not self.lockstep:  # in lockstep data of the new time may be here before their tick
             self._area, self._area_stamp = None, -1
             self._lost, self._lost_stamp = (), -1
             self._decided = -1
-            self._states = {}
+            self._states, self._recent, self._due = {}, {}, None
+
+    # who is there
+
+    def _port(self, name: str) -> RobotPort:
+        if name not in self._ports:
+            self._ports[name] = RobotPort(self, name)
+        return self._ports[name]
+
+    def _serves(self, name: str) -> bool:
+        return not self.settings.serves or name in self.settings.serves
+
+    def _join(self, spec: RobotSpec) -> None:
+        self._navigator.add_robot(spec)
+        self._port(spec.id)
+        self._listen_to(spec.id)
+        served = "" if self._serves(spec.id) else "; another planner serves it"
+        self.get_logger().info(f"robot {spec.id} joined{served}")
+
+    def _leave(self, name: str) -> None:
+        self._navigator.remove_robot(name)
+        self._ports[name].close()
+        for known in (self._states, self._recent, self._goals, self._goal_stamps):
+            known.pop(name, None)
+        self._problems.pop(f"{name}/odom", None)
+        if self._fellows is not None:
+            self._fellows.unwatch(name)
+
+    def _listen_to(self, name: str) -> None:
+        """Hear a robot, and offer services for it, until it leaves or the node is deactivated."""
+        self._ports[name].open(
+            partial(self._on_odometry, name),
+            partial(self._on_goal, name),
+            partial(self._enable, name),
+            partial(self._remove, name),
+        )
+        if self._fellows is not None and not self._serves(name):
+            self._fellows.watch(name)
+
+    def _remove(self, name: str) -> str:
+        """Take a robot out of the workspace by hand: it is stopped, and not planned around any more."""
+        now = now_of(self) if self._participant is None else max(self._participant.now, 0)
+        if not self._roster.take_out(name, now):
+            return f"robot {name} is not there"
+        stop = Stop(name, StopReason.NO_GOAL, "taken out of the workspace by a service")
+        self._port(name).publish(stop, now)
+        self.get_logger().info(f"robot {name} was taken out")
+        self._step_when_complete()
+        return ""
 
     def _inputs(self) -> list[str]:
-        missing_goals = [f"{name}/goal_pose" for name in self.robots if name not in self._goals]
-        return [_AREA, *(f"{name}/odom" for name in self.robots), *missing_goals]
+        robots = self._roster.present
+        missing_goals = [f"{name}/goal_pose" for name in robots if name not in self._goals]
+        return [_AREA, *(f"{name}/odom" for name in robots), *missing_goals]
 
     def _enable(self, name: str, enabled: bool) -> None:
-        self._enabled[name] = enabled
+        self._ports[name].enabled = enabled
         self.get_logger().info(f"robot {name} is {'planned for again' if enabled else 'stopped'}")
 
     def _on_goal(self, name: str, message: PoseStamped) -> None:
@@ -161,9 +221,11 @@ class PlannerNode(ManagedNode):
         except InvalidInput as error:
             self.get_logger().warning(f"goal not taken: {error}")
         else:
+            self._goal_stamps[name] = nanoseconds_from_stamp(message.header.stamp)
             self.get_logger().info(
                 f"robot {name} goes to ({self._goals[name][0]:.2f}, {self._goals[name][1]:.2f})"
             )
+            self._step_when_complete()
 
     def _on_odometry(self, name: str, message: Odometry) -> None:
         topic = f"{name}/odom"
@@ -179,6 +241,8 @@ class PlannerNode(ManagedNode):
             return
         self._problems.pop(topic, None)
         self._states[name] = (nanoseconds_from_stamp(message.header.stamp), state)
+        if self._fellows is not None:
+            self._recent.setdefault(name, deque(maxlen=_STATES_KEPT)).append(state)
         self._step_when_complete()
 
     def _on_area(self, message: PointCloud2) -> None:
@@ -196,6 +260,9 @@ class PlannerNode(ManagedNode):
         self._area, self._area_stamp = area, stamp
         if self._participant is not None:
             self._step_when_complete()
+        elif self._fellows is not None:
+            self._due = stamp, area
+            self._on_promise()
         elif not self._watch_area():
             # Whoever was measured after the area held passes the points of its path later by as much.
             newest = max([stamp, *(when for when, _ in self._states.values())])
@@ -230,79 +297,115 @@ class PlannerNode(ManagedNode):
         self._step_when_complete()
 
     def _step_when_complete(self) -> None:
-        """In lockstep: go on once area, lost parts and odometry of the present tick are there."""
+        """In lockstep: go on once all of the present tick is there: who joins, area, odometry, goals, promises."""
         if self._participant is None or self._participant.due is None or self._area is None:
             return
         tick = self._participant.due
-        stamps = [
-            self._area_stamp,
-            self._lost_stamp,
-            *(self._states.get(name, (-1,))[0] for name in self.robots),
-        ]
-        if all(stamp == tick for stamp in stamps):
+        if min(self._area_stamp, self._lost_stamp) != tick or not self._roster.is_complete(tick):
+            return
+        self._roster.settle(tick)
+        present = self._roster.present
+        if any(self._states.get(name, (-1,))[0] != tick for name in present):
+            return
+        if not self._script.is_complete(tick, present, self._goal_stamps):
+            return
+        if self._fellows is None or not self._fellows.missing(tick):
             self._step(tick, self._area)
             self._participant.done()
 
+    def _on_promise(self) -> None:
+        """Go on once it is known what the other planners promised, or issue nothing when that takes too long."""
+        if self._participant is not None:
+            self._step_when_complete()
+            return
+        if self._due is None or self._fellows is None:
+            return
+        instant, area = self._due
+        missing = self._fellows.missing(instant)
+        if missing:
+            if now_of(self) < instant + (self._fellows.place + 0.5) * self._share:
+                return
+            missing = self._fellows.give_up(instant, self._states_at(instant))
+        self._due = None
+        if missing:
+            self._hold(instant, f"planner {', '.join(missing)} is silent, and may have promised something")
+        else:
+            self._step(instant, area)
+
+    def _hold(self, instant: int, why: str) -> None:
+        """Issue nothing at an instant [ns]: robots go on to the ends of their windows."""
+        assert self._fellows is not None
+        self._fellows.say(instant, (), {})
+        if "planners" not in self._problems:
+            self.get_logger().warning(f"no new paths: {why}")
+        self._problems["planners"] = why
+        self._publish_status(instant, [], 0.0)
+
     def _watch_area(self) -> bool:
-        """Stop all robots when the area is too old; return whether it is."""
+        """Stop all robots when the area is too old, alone; return whether it is."""
         now = now_of(self)
         if self._area is None or now - self._area_stamp <= nanoseconds(self._max_area_age):
             return False
         age = seconds(now - self._area_stamp)
         message = f"the unoccupied area is {age:.1f} s old; check the fusion node"
-        decisions = {name: Stop(name, StopReason.NO_AREA, message) for name in self.robots}
+        if self._fellows is not None:
+            # Others count on these robots to go on; the windows end by themselves.
+            self._problems["area"] = message
+            self._publish_status(now, [], 0.0)
+            return True
+        decisions = {name: Stop(name, StopReason.NO_AREA, message) for name in self._navigator.served}
         self._publish(now, StepResult(seconds(now), dict(decisions)), 0.0)
         return True
 
+    def _states_at(self, instant: int) -> dict[str, RobotState]:
+        """The last state of every robot; for several planners the last one up to the instant that they share."""
+        if self._fellows is None:
+            return {name: state for name, (_, state) in self._states.items()}
+        end = seconds(instant)
+        return {
+            name: next((state for state in reversed(recent) if state.stamp <= end), recent[-1])
+            for name, recent in self._recent.items()
+        }
+
     def _step(self, now: int, area: UnoccupiedArea) -> None:
         begin = clock.perf_counter()
-        states = {name: state for name, (_, state) in self._states.items()}
-        goals = {name: goal for name, goal in self._goals.items() if self._enabled[name]}
+        goals = {
+            name: goal
+            for name, goal in self._goals.items()
+            if name in self._roster.present and self._ports[name].enabled
+        }
         if self._lost:
             area = area.restamped(area.stamp, lost=self._lost)
-        result = self._navigator.step(seconds(now), area, states, goals)
+        heard = {} if self._fellows is None else self._fellows.promises()
+        result = self._navigator.step(seconds(now), area, self._states_at(now), goals, heard)
         duration = clock.perf_counter() - begin
         self._misses += duration > self.navigator_settings.sampling_interval
+        if self._fellows is not None and not self.lockstep:
+            late = now_of(self) - now - (self._fellows.place + 1) * self._share
+            if late > 0:
+                self._navigator.withdraw()
+                self._misses += 1
+                self._hold(now, f"the decision came {seconds(late):.3f} s after its share of the interval")
+                return
+            self._problems.pop("planners", None)
+            self._problems.pop("area", None)
         self._publish(now, result, duration)
 
     def _publish(self, now: int, result: StepResult, duration: float) -> None:
         self._decided = now
         statuses = []
         for name, decision in result.decisions.items():
-            path = stop_to_path(now) if isinstance(decision, Stop) else path_to_message(decision.path)
-            self._paths[name].publish(path)
-            self._verdicts[name].publish(verdict_to_message(decision, now, path))
-            self._tell(name, decision)
-            statuses.append(self._robot_status(now, name, decision))
+            self._ports[name].publish(decision, now)
+            statuses.append(self._ports[name].status(decision, now, self._states.get(name, (None,))[0]))
+        for name in result.stop_foreign:
+            self._ports[name].halt(now)
+        if self._fellows is not None:
+            self._fellows.say(now, list(result.decisions), result.stop_foreign)
+        self._publish_status(now, statuses, duration)
+
+    def _publish_status(self, now: int, statuses: list[Any], duration: float) -> None:
         problem = "; ".join(self._problems.values())
         values = {"step_ms": f"{1e3 * duration:.4f}", "deadline_misses": self._misses}
-        statuses.append(status("planner", self.get_name(), problem, values))
+        name = "planner" if self._fellows is None else f"planner {self.get_name()}"
+        statuses.append(status(name, self.get_name(), problem, values))
         self._diagnostics.publish(diagnostics(now, statuses))
-
-    def _tell(self, name: str, decision: PlannedPath | Stop) -> None:
-        """Say once why a robot stops, and that it drives again."""
-        reason = decision.reason if isinstance(decision, Stop) else None
-        before = self._reasons.get(name)
-        self._reasons[name] = reason
-        if reason is before:
-            return
-        if not isinstance(decision, Stop):
-            self.get_logger().info(f"robot {name} drives again")
-        elif reason in (StopReason.ARRIVED, StopReason.NO_GOAL, StopReason.YIELDS):
-            self.get_logger().info(f"robot {name} stops ({decision.reason.value}): {decision.message}")
-        else:
-            self.get_logger().warning(f"robot {name} stops ({decision.reason.value}): {decision.message}")
-
-    def _robot_status(self, now: int, name: str, decision: PlannedPath | Stop) -> Any:
-        stamp = self._states.get(name, (None,))[0]
-        values: dict[str, object] = {"age": "none" if stamp is None else f"{seconds(now - stamp):.3f}"}
-        if isinstance(decision, Stop):
-            arrived = decision.reason is StopReason.ARRIVED
-            return status(
-                f"robot {name}",
-                name,
-                "" if arrived else decision.message,
-                values | {"stop": decision.reason.value},
-            )
-        values |= {"source": decision.source.value, "length": f"{decision.path.length:.3f}"}
-        return status(f"robot {name}", name, "", values)

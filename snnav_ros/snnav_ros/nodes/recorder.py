@@ -6,20 +6,22 @@ from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import PoseStamped, Twist
+from geometry_msgs.msg import Twist
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan, PointCloud2
 
-from snnav_ros.convert import MAP_FRAME, nanoseconds, nanoseconds_from_stamp, stamp_message
-from snnav_ros.convert.frames import header
+from snnav_ros.convert import nanoseconds, nanoseconds_from_stamp, stamp_message
 from snnav_ros.lockstep import Participant
 from snnav_ros.nodes.base import NodeOptions
-from snnav_ros.qos import CLOCK_INPUT, COMMAND, LATCHED, RECORDED, SENSOR, for_mode
+from snnav_ros.nodes.fellows import PLANNERS_TOPIC
+from snnav_ros.nodes.operator import Operator
+from snnav_ros.nodes.roster import ROBOTS_TOPIC
+from snnav_ros.qos import CLOCK_INPUT, INBOX, LATCHED, RECORDED, SENSOR, for_mode
 from snnav_ros.recorder import RunCollector
-from snnav_sim.scene_types import RobotScene, Scene
+from snnav_sim.scene_types import Scene
 
 __all__ = ["RECORDER", "RecorderNode"]
 
@@ -29,10 +31,17 @@ RECORDER = "recorder"
 class RecorderNode(Node):
     """Gives every message to a RunCollector; in lockstep nothing goes on before it has all of a tick.
 
-    It also says the goals of the scene on `<robot>/goal_pose`, as a person would.
+    It is also the operator who says the goals of the scene.
     """
 
-    def __init__(self, options: NodeOptions, scene: Scene, collector: RunCollector, lockstep: bool) -> None:
+    def __init__(
+        self,
+        options: NodeOptions,
+        scene: Scene,
+        collector: RunCollector,
+        lockstep: bool,
+        several: bool = False,
+    ) -> None:
         super().__init__(options.name or RECORDER, **options.keywords())
         self._collector = collector
         self._sample_ns = nanoseconds(scene.sampling_interval)
@@ -52,7 +61,10 @@ class RecorderNode(Node):
             self._hear(
                 DiagnosticStatus, f"{name}/certificate", partial(collector.take_verdict, name), recorded
             )
-            self._say_goal(robot)
+        self._hear(DiagnosticStatus, ROBOTS_TOPIC, collector.take_announcement, INBOX)
+        if several:
+            self._hear(DiagnosticStatus, PLANNERS_TOPIC, collector.take_word, INBOX)
+        self._operator = Operator(self, scene, lockstep, collector.write)
         if not lockstep:
             self._hear(Clock, "/clock", self._take_clock, CLOCK_INPUT)
         else:
@@ -67,14 +79,6 @@ class RecorderNode(Node):
 
         self.create_subscription(kind, topic, on_message, qos)
 
-    def _say_goal(self, robot: RobotScene) -> None:
-        topic = f"{robot.id}/goal_pose"
-        goal = PoseStamped(header=header(0, MAP_FRAME))
-        goal.pose.position.x, goal.pose.position.y = robot.target
-        goal.pose.orientation.w = 1.0
-        self.create_publisher(PoseStamped, topic, COMMAND).publish(goal)
-        self._collector.write(topic, goal, 0)
-
     def missing(self) -> str:
         """Return what the recorder waits for, for a message."""
         tick = None if self._participant is None else self._participant.due
@@ -83,10 +87,13 @@ class RecorderNode(Node):
         return ", ".join(self._collector.missing(tick, tick % self._sample_ns == 0))
 
     def _take_clock(self, topic: str, message: Clock) -> None:
-        self._collector.write(topic, message, nanoseconds_from_stamp(message.clock))
+        now = nanoseconds_from_stamp(message.clock)
+        self._collector.write(topic, message, now)
+        self._operator.tell(now)
 
     def _on_tick(self, tick: int) -> None:
         self._collector.write("/clock", Clock(clock=stamp_message(tick)), tick)
+        self._operator.tell(tick)
         self._go_on_when_complete()
 
     def _go_on_when_complete(self) -> None:

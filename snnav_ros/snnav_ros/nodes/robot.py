@@ -22,15 +22,19 @@ from snnav_ros.convert import (
     odometry_to_message,
     seconds,
     state_from_message,
+    stop_to_path,
+    word_from_message,
 )
 from snnav_ros.convert.frames import header
 from snnav_ros.gate import Order, PathGate
 from snnav_ros.lockstep import Participant
 from snnav_ros.nodes.base import ManagedNode, NodeOptions, diagnostics, serve, status
+from snnav_ros.nodes.fellows import PLANNERS_TOPIC
 from snnav_ros.nodes.frames import FrameBroadcaster
 from snnav_ros.nodes.node_time import ClockWatch, has_time, is_simulated, now_of, watch_time
+from snnav_ros.nodes.presence import Presence
 from snnav_ros.nodes.robot_parameters import RobotParameters, read_robot
-from snnav_ros.qos import COMMAND, DIAGNOSTICS, ODOMETRY, ODOMETRY_INPUT, for_mode
+from snnav_ros.qos import COMMAND, DIAGNOSTICS, INBOX, ODOMETRY, ODOMETRY_INPUT, for_mode
 from snnav_ros.scenes import read_scene
 from snnav_sim.devices.base import PioneerBase
 
@@ -62,11 +66,14 @@ class RobotNode(ManagedNode):
             self.reader.fail("base", "value 'external' does not go with lockstep; a real base does not wait")
         self._gate = PathGate(settings.robot_id, settings.rules)
         self._is_driving = False
-        self._begin()
         self._by_wall = not self.lockstep and not is_simulated(self)
+        self._presence = Presence(
+            self, self.spec, settings.joins_at, settings.leaves_at, by_wall=self._by_wall
+        )
+        self._begin()
         if not self.lockstep and not self._by_wall:
             self._jump = watch_time(self, self._on_time_back)
-        serve(self, self.options, self.reset, {"enable": self._enable})
+        serve(self, self.options, self.reset, {"enable": self._enable, "present": self._presence.want})
         self.autostart()
 
     def configure(self) -> None:
@@ -74,6 +81,7 @@ class RobotNode(ManagedNode):
         name = self.spec.id
         self._gate.reset()
         self._enabled = True
+        self._presence.configure()
         self._commands = self.publisher(
             TwistStamped if self.settings.stamped else Twist,
             f"{name}/cmd_vel",
@@ -94,12 +102,15 @@ class RobotNode(ManagedNode):
         self.listen(DiagnosticStatus, f"{name}/certificate", self._on_verdict, command)
         if self.settings.base == "external":
             self.listen(Odometry, f"{name}/odom", self._on_odometry, ODOMETRY_INPUT)
+        if self.lockstep and self.settings.planners:
+            self.listen(DiagnosticStatus, PLANNERS_TOPIC, self._on_word, INBOX)
         self._participant: Participant | None = None
         if self.lockstep:
             period = nanoseconds(self.settings.control_period)
             self._participant = self.participate(period, self._on_tick, self.reset)
         else:
             self.every(self.settings.control_period, self._on_timer)
+            self._is_there()
         self._waiting = self.report_waiting(self._inputs)
         self._is_driving = True
 
@@ -115,6 +126,8 @@ class RobotNode(ManagedNode):
         self._begin()
 
     def _begin(self) -> None:
+        self._presence.begin()
+        self._words: dict[str, int] = {}
         self._base = PioneerBase(self._start, self.spec)
         self._forget()
         self._refusal = ""
@@ -161,14 +174,22 @@ class RobotNode(ManagedNode):
     def _on_path(self, message: Path) -> None:
         self._waiting.heard(f"{self.spec.id}/path")
         self._check_clock()
-        if self.lockstep or has_time(self):
+        if self._is_there():
             self._obey(self._gate.offer_path(message, self._now()))
 
     def _on_verdict(self, message: DiagnosticStatus) -> None:
         self._waiting.heard(f"{self.spec.id}/certificate")
         self._check_clock()
-        if self.lockstep or has_time(self):
+        if self._is_there():
             self._obey(self._gate.offer_certificate(message, self._now()))
+
+    def _on_word(self, message: DiagnosticStatus) -> None:
+        """In lockstep: note that a planner is through with an instant; obey at once if it stops this robot."""
+        word = word_from_message(message, PLANNERS_TOPIC)
+        self._words[word.planner] = word.stamp
+        if self._presence.is_there and self.spec.id in dict(word.stops):
+            self._obey(self._gate.offer_path(stop_to_path(word.stamp), self._now()))
+        self._drive_when_complete()
 
     def _on_odometry(self, message: Odometry) -> None:
         topic = f"{self.spec.id}/odom"
@@ -222,8 +243,28 @@ class RobotNode(ManagedNode):
 
     # what goes out
 
+    def _is_there(self) -> bool:
+        """Whether the robot is in the workspace; in lockstep the ticks say so."""
+        if not self.lockstep and has_time(self):
+            self._come_and_go(now_of(self))
+        return self._presence.is_there
+
+    def _come_and_go(self, now: int) -> None:
+        """Join or leave when it is time for that [ns]."""
+        if not self._presence.update(now):
+            return
+        there = self._presence.is_there
+        self.get_logger().info(f"robot {self.spec.id} {'joins' if there else 'leaves'} the workspace")
+        if not there:
+            self._stop_base()
+            self._gate.reset()
+            self._base = PioneerBase(self._start, self.spec)
+            self._forget()
+
     def _on_tick(self, tick: int) -> None:
-        self._move(tick)
+        self._come_and_go(tick)
+        if self._presence.is_there:
+            self._move(tick)
         self._drive_when_complete()
 
     def _drive_when_complete(self) -> None:
@@ -231,12 +272,18 @@ class RobotNode(ManagedNode):
         if self._participant is None or self._participant.due is None:
             return
         tick = self._participant.due
-        if tick % nanoseconds(self.settings.sampling_interval) or self._gate.complete(tick):
+        if self._presence.is_there and tick % nanoseconds(self.settings.sampling_interval) == 0:
+            heard = all(self._words.get(name, -1) >= tick for name in self.settings.planners)
+            if not (heard and self._gate.complete(tick)):
+                return
+        if self._presence.is_there:
             self._drive(tick)
-            self._participant.done()
+        self._participant.done()
 
     def _on_timer(self) -> None:
         self._check_clock()
+        if not self._is_there():
+            return
         now = now_of(self)
         order = self._gate.watch(now)
         if order is not None:

@@ -51,6 +51,13 @@ class RobotParameters:
         With an external base: the robot is stopped when its odometry is older [s].
     stamped : bool
         Publish `<robot>/cmd_vel` as TwistStamped instead of Twist.
+    joins_at : float
+        The robot is in the workspace, and announces itself, from then on [s]: in simulated time, or since the start of
+        the node.
+    leaves_at : float or None
+        It leaves then [s].
+    planners : tuple of str
+        Names of all planner nodes if there are several: in lockstep the robot waits until each has had its say.
     """
 
     robot_id: str = ""
@@ -68,6 +75,9 @@ class RobotParameters:
     pairing_patience: float | None = None
     max_odometry_age: float = 0.5
     stamped: bool = False
+    joins_at: float = 0.0
+    leaves_at: float | None = None
+    planners: tuple[str, ...] = ()
 
     @property
     def command_holds(self) -> float:
@@ -115,6 +125,8 @@ def read_robot(reader: ParameterReader, scene: Scene | None) -> tuple[RobotParam
         radius=robot.radius,
         control_period=scene.control_period,
         sampling_interval=scene.sampling_interval,
+        joins_at=scene.instant(robot.joins_at),
+        leaves_at=scene.instant(robot.leaves_at) if math.isfinite(robot.leaves_at) else None,
     )
     return _checked(reader, settings), robot if settings.heading_deg == math.degrees(robot.heading) else None
 
@@ -130,6 +142,8 @@ def _checked(reader: ParameterReader, settings: RobotParameters) -> RobotParamet
             "control_period",
             f"value {settings.control_period} does not divide sampling_interval {settings.sampling_interval}",
         )
+    if settings.leaves_at is not None and settings.leaves_at <= settings.joins_at:
+        reader.fail("leaves_at", f"value {settings.leaves_at} is not after joins_at {settings.joins_at}")
     if settings.command_holds < settings.control_period:
         remark = f"value {settings.command_timeout} is below control_period {settings.control_period}"
         reader.fail("command_timeout", f"{remark}; the base would stop between commands")

@@ -28,26 +28,29 @@ class PlannedRobot:
     target: Target | None
 
 
-def read_robots(reader: ParameterReader, scene: Scene | None) -> list[PlannedRobot]:
+def read_robots(
+    reader: ParameterReader, scene: Scene | None, *, may_be_none: bool = False
+) -> list[PlannedRobot]:
     """Declare the parameters of all robots.
 
     Parameters
     ----------
     reader : ParameterReader
     scene : Scene or None
-        Its robots, unless the parameter `robots` names others.
+        Its robots that are there at the start, unless the parameter `robots` names others.
+    may_be_none : bool
+        Whether there may be no robot at the start because robots join.
 
     Raises
     ------
     ParameterError
         If there is no robot or a value is missing.
     """
-    known = (
-        {} if scene is None else {robot.id: PlannedRobot(robot.spec, robot.target) for robot in scene.robots}
-    )
+    there = () if scene is None else (robot for robot in scene.robots if scene.is_present(robot, 0.0))
+    known = {robot.id: PlannedRobot(robot.spec, robot.target) for robot in there}
     text = "Ids of the robots in order of priority, each with its own group of parameters; by default the scene's."
     ids: tuple[str, ...] = reader.value("robots", tuple[str, ...], text, tuple(known))
-    if not ids:
+    if not ids and not may_be_none:
         reader.fail("robots", "is empty; list the ids of the robots, or give `scene`")
     if len(set(ids)) != len(ids):
         reader.fail("robots", f"value {list(ids)} names a robot twice; give different ids")

@@ -73,7 +73,11 @@ def _read(reader: ParameterReader, sensor_id: str, known: PlanarSensor | None) -
 
 
 def read_seen_robots(
-    reader: ParameterReader, scene: Scene | None, sensors: Sequence[ListenedSensor]
+    reader: ParameterReader,
+    scene: Scene | None,
+    sensors: Sequence[ListenedSensor],
+    *,
+    may_be_none: bool = False,
 ) -> list[RobotSpec]:
     """Declare the parameters of the robots that floor-level sensors see.
 
@@ -81,8 +85,10 @@ def read_seen_robots(
     ----------
     reader : ParameterReader
     scene : Scene or None
-        Its robots, if a sensor sees them and unless the parameter `robots` names others.
+        Its robots that are there at the start, if a sensor sees them and unless the parameter `robots` names others.
     sensors : sequence of ListenedSensor
+    may_be_none : bool
+        Whether there may be no robot at the start because robots join.
 
     Raises
     ------
@@ -90,13 +96,14 @@ def read_seen_robots(
         If a sensor sees robots and none is named, or the other way round, or a value is missing.
     """
     seeing = [one.sensor.id for one in sensors if one.sensor.settings.sees_robots]
-    known = {} if scene is None or not seeing else {robot.id: robot.spec for robot in scene.robots}
+    there = [] if scene is None or not seeing else [r for r in scene.robots if scene.is_present(r, 0.0)]
+    known = {robot.id: robot.spec for robot in there}
     text = (
         "Ids of the robots that sensors with `sees_robots` see, each with its own group of parameters as of the "
         "planner node (radius, speed, max_turn_rate, can_turn_in_place); by default the scene's."
     )
     ids: tuple[str, ...] = reader.value("robots", tuple[str, ...], text, tuple(known))
-    if seeing and not ids:
+    if seeing and not ids and not may_be_none:
         reader.fail("robots", f"is empty, but sensor {seeing[0]} sees robots; list their ids")
     if ids and not seeing:
         reader.fail("robots", f"value {list(ids)}: no sensor sees robots; set <sensor>.sees_robots to true")

@@ -467,7 +467,7 @@ def test_in_lockstep_it_waits_for_the_odometry_of_robots_that_are_seen_also_afte
     ("changes", "text"),
     [
         ({"robots": ["cart", "cart"]}, "names a robot twice"),
-        ({"robots": []}, "robots: is empty, but sensor north sees robots"),
+        ({"robots": [], "accept_robots": False}, "robots: is empty, but sensor north sees robots"),
         ({"north.sees_robots": False}, "no sensor sees robots; set <sensor>.sees_robots"),
         ({"cart.radius": 0.0}, "cart.radius: value 0.0 lies outside"),
         ({"robot_tolerance": -1.0}, "robot_tolerance: value -1.0 lies outside"),

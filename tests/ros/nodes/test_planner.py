@@ -399,6 +399,6 @@ def test_parameters_go_before_the_scene(graph: Any) -> None:
     node = graph.add(PlannerNode, scene="hello", safety_margin=0.6, **{"robot_1.speed": 0.4})
     assert node.navigator_settings.safety_margin == 0.6
     assert node.navigator_settings.sampling_interval == 0.5
-    assert node.robots["robot_1"].spec.speed == 0.4
-    assert node.robots["robot_1"].spec.max_turn_rate == 1.6
+    assert node.robots["robot_1"].speed == 0.4
+    assert node.robots["robot_1"].max_turn_rate == 1.6
     assert node.get_parameter("robot_1.target").value[0] == 8.8
