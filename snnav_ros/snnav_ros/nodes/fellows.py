@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time as clock
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -20,6 +21,7 @@ from snnav_ros.qos import COMMAND, INBOX, LATCHED, for_mode
 __all__ = ["PLANNERS_TOPIC", "Fellows"]
 
 PLANNERS_TOPIC = "planners"
+_STATES_KEPT = 200  # of each robot
 _STANDS = 0.02  # [m/s]; slower counts as standing
 
 
@@ -80,6 +82,7 @@ class Fellows:
         self._halted: dict[str, int] = {}  # robots of one other that another one stopped, and when [ns]
         self._stopped: dict[str, int] = {}  # robots of this planner that others stopped, and when [ns]
         self._robots: dict[str, tuple[str, ...]] = {}  # whom each planner served when it was heard
+        self._states: dict[str, deque[RobotState]] = {}
         self._last = -1
         for gate in self._gates.values():
             gate.reset()
@@ -120,7 +123,7 @@ class Fellows:
         """Hear nothing of a robot any more; it left."""
         for end in self._endings.pop(robot, []):
             end()
-        for known in (self._gates, self._heard, self._halted, self._stopped):
+        for known in (self._gates, self._heard, self._halted, self._stopped, self._states):
             known.pop(robot, None)
 
     def missing(self, instant: int) -> list[str]:
@@ -168,6 +171,17 @@ class Fellows:
             return [robot for robot in self._robots[name] if robot in self._gates]
         claimed = {robot for other, robots in self._robots.items() for robot in robots}
         return [robot for robot in self._gates if robot not in claimed]
+
+    def add_state(self, state: RobotState) -> None:
+        """Keep where a robot is."""
+        self._states.setdefault(state.id, deque(maxlen=_STATES_KEPT)).append(state)
+
+    def states_at(self, time: float, latest: Mapping[str, RobotState]) -> dict[str, RobotState]:
+        """Return for every robot of `latest` its last state up to a time [s], or the latest where there is none."""
+        return {
+            name: next((one for one in reversed(self._states[name]) if one.stamp <= time), state)
+            for name, state in latest.items()
+        }
 
     def promises(self) -> dict[str, HeardPath]:
         """Return what was promised for robots of other planners, and which of this one they stopped."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time as clock
-from collections import deque
 from dataclasses import MISSING, fields
 from functools import partial
 from typing import Any
@@ -44,7 +43,6 @@ from snnav_sim.configure import navigator_settings
 __all__ = ["PlannerNode", "PlannerParameters"]
 
 _AREA, _LOST = "unoccupied_area", "unoccupied_area/lost"
-_STATES_KEPT = 200  # of each robot, for several planners
 
 
 class PlannerNode(ManagedNode):
@@ -108,7 +106,6 @@ class PlannerNode(ManagedNode):
         self._lost: tuple[LostPart, ...] = ()
         self._lost_stamp = self._decided = -1
         self._states: dict[str, tuple[int, RobotState]] = {}
-        self._recent: dict[str, deque[RobotState]] = {}
         self._due: tuple[int, UnoccupiedArea] | None = None
         self._problems: dict[str, str] = {}
         self._misses = 0
@@ -132,7 +129,9 @@ class PlannerNode(ManagedNode):
         self._participant: Participant | None = None
         interval = self.navigator_settings.sampling_interval
         if self.lockstep:
-            self._participant = self.participate(nanoseconds(interval), self._on_tick, self.reset)
+            self._participant = self.participate(
+                nanoseconds(interval), lambda _: self._step_when_complete(), self.reset
+            )
         else:
             self.every(interval, self._watch_area)
         self._waiting = self.report_waiting(self._inputs)
@@ -148,13 +147,13 @@ class PlannerNode(ManagedNode):
         """Forget paths, area and states; goals stay."""
         self._navigator.reset()
         self._roster.reset()
-        if self._fellows is not None and not self.lockstep:
-            self._fellows.reset()
         if not self.lockstep:  # in lockstep data of the new time may be here before their tick
+            if self._fellows is not None:
+                self._fellows.reset()
             self._area, self._area_stamp = None, -1
             self._lost, self._lost_stamp = (), -1
             self._decided = -1
-            self._states, self._recent, self._due = {}, {}, None
+            self._states, self._due = {}, None
 
     # who is there
 
@@ -176,7 +175,7 @@ class PlannerNode(ManagedNode):
     def _leave(self, name: str) -> None:
         self._navigator.remove_robot(name)
         self._ports[name].close()
-        for known in (self._states, self._recent, self._goals, self._goal_stamps):
+        for known in (self._states, self._goals, self._goal_stamps):
             known.pop(name, None)
         self._problems.pop(f"{name}/odom", None)
         if self._fellows is not None:
@@ -242,7 +241,7 @@ class PlannerNode(ManagedNode):
         self._problems.pop(topic, None)
         self._states[name] = (nanoseconds_from_stamp(message.header.stamp), state)
         if self._fellows is not None:
-            self._recent.setdefault(name, deque(maxlen=_STATES_KEPT)).append(state)
+            self._fellows.add_state(state)
         self._step_when_complete()
 
     def _on_area(self, message: PointCloud2) -> None:
@@ -292,9 +291,6 @@ class PlannerNode(ManagedNode):
         if topic not in self._problems:
             self.get_logger().warning(f"message not used: {error}")
         self._problems[topic] = str(error)
-
-    def _on_tick(self, _: int) -> None:
-        self._step_when_complete()
 
     def _step_when_complete(self) -> None:
         """In lockstep: go on once all of the present tick is there: who joins, area, odometry, goals, promises."""
@@ -358,14 +354,9 @@ class PlannerNode(ManagedNode):
         return True
 
     def _states_at(self, instant: int) -> dict[str, RobotState]:
-        """The last state of every robot; for several planners the last one up to the instant that they share."""
-        if self._fellows is None:
-            return {name: state for name, (_, state) in self._states.items()}
-        end = seconds(instant)
-        return {
-            name: next((state for state in reversed(recent) if state.stamp <= end), recent[-1])
-            for name, recent in self._recent.items()
-        }
+        """The last state of every robot; for several planners the last one up to the instant that they share [ns]."""
+        states = {name: state for name, (_, state) in self._states.items()}
+        return states if self._fellows is None else self._fellows.states_at(seconds(instant), states)
 
     def _step(self, now: int, area: UnoccupiedArea) -> None:
         begin = clock.perf_counter()
