@@ -16,7 +16,14 @@ from snnav_core.navigator.context import AreaContext, aged
 from snnav_core.navigator.crowd import possible_paths
 from snnav_core.navigator.explain import Explainer
 from snnav_core.navigator.plans import shortened
-from snnav_core.navigator.prediction import TIME_TOLERANCE, onwards, predicted_pose, state_fault, up_to
+from snnav_core.navigator.prediction import (
+    TIME_TOLERANCE,
+    halted,
+    onwards,
+    predicted_pose,
+    state_fault,
+    up_to,
+)
 from snnav_core.navigator.right_of_way import RightOfWay
 from snnav_core.navigator.robot_planner import RobotMemory, plan_robot
 from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
@@ -30,7 +37,6 @@ from snnav_core.types import (
     StepResult,
     Stop,
     StopReason,
-    TimedPath,
 )
 
 __all__ = ["GroundNavigator"]
@@ -76,10 +82,6 @@ class GroundNavigator:
         """Ids of the robots in the workspace that are decided for here, in the order they were given."""
         return [name for name in self.robots if self._serves is None or name in self._serves]
 
-    def withdraw(self) -> None:
-        """Take back the last step: nothing of it was published, the robots follow what they had before."""
-        self._memory = dict(self._before)
-
     def add_robot(self, robot: RobotSpec) -> None:
         """Take a robot into the workspace, last in order.
 
@@ -114,6 +116,10 @@ class GroundNavigator:
         self._goals: Mapping[str, tuple[float, float]] = {}
         self._cast: dict[tuple[str, float], tuple[tuple[object, ...], list[OtherRobot]]] = {}
         self._time = -math.inf
+
+    def withdraw(self) -> None:
+        """Take back the last step: nothing of it was published, the robots follow what they had before."""
+        self._memory = dict(self._before)
 
     def step(
         self,
@@ -219,8 +225,7 @@ class GroundNavigator:
 
     def _hear(self, heard: Mapping[str, HeardPath], goals: Mapping[str, tuple[float, float]]) -> None:
         """Keep what others promised, and forget the paths of own robots that others stopped."""
-        self._goals = goals
-        served = set(self.served)
+        self._goals, served = goals, set(self.served)
         self._heard = {name: promise for name, promise in heard.items() if name not in served}
         for name in served & heard.keys():
             if heard[name].path is None and name in self._memory:
@@ -360,44 +365,34 @@ class GroundNavigator:
                     decisions[name] = replace(decision, certificate=certificate)
             for stop in self._foreign_conflicts(time, decisions):
                 stopped[stop.robot_id] = stop
-                self._heard[stop.robot_id] = self._standing(time, stop.robot_id)
+                self._heard[stop.robot_id] = halted(self._heard[stop.robot_id], time)
                 changed = True
         return stopped
 
     def _foreign_conflicts(self, time: float, decisions: Mapping[str, PlannedPath | Stop]) -> list[Stop]:
         """Robots of other navigators that would come too near to robots that are served here.
 
-        One that was decided before at this instant counts on a path to its end. One that is still to be decided is
-        stopped only for what would happen before its navigator can react.
+        One that is still to be decided is stopped only for what would happen before its navigator can react.
         """
         margin, interval = self.settings.safety_margin, self.settings.sampling_interval
         stops = []
         for name, promise in self._heard.items():
-            moves = promise.path is not None and len(promise.path) > 1 and time < promise.valid_until
-            if promise.path is None or not moves or name not in self.robots:
+            path = promise.path
+            if path is None or len(path) < 2 or promise.valid_until <= time or name not in self.robots:
                 continue
-            decided = abs(promise.path.start_time - time) <= TIME_TOLERANCE
+            decided = abs(path.start_time - time) <= TIME_TOLERANCE
             until = min(promise.valid_until, time + (self.settings.time_window if decided else 2) * interval)
             others = [other for other in self._others(name, time, decisions) if other.id in decisions]
-            way = onwards(up_to(promise.path, promise.valid_until), time)
+            way = onwards(up_to(path, promise.valid_until), time)
             _, _, fault = separation(way, others, until, margin, interval)
             if fault:
                 stops.append(Stop(name, StopReason.BLOCKED_BY_ROBOT, f"robot {name} waits: {fault}"))
         return stops
 
-    def _standing(self, time: float, name: str) -> HeardPath:
-        """What holds of a robot of another navigator once it was stopped: it stands where it is now."""
-        path = self._heard[name].path
-        if path is None or name in self._states:
-            return HeardPath(None)
-        here = TimedPath(time, path.step, path.positions_at(np.array([time])))
-        return HeardPath(here, self._heard[name].valid_until)
-
     def _remember(self, name: str, decision: PlannedPath | Stop) -> None:
-        if name in self._memory:
+        if name in self._memory and not _is_silent(decision):
             plan = decision if isinstance(decision, PlannedPath) else None
-            if not _is_silent(decision):
-                self._memory[name] = replace(self._memory[name], plan=plan)
+            self._memory[name] = replace(self._memory[name], plan=plan)
 
 
 def _is_silent(decision: PlannedPath | Stop) -> bool:

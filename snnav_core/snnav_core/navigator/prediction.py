@@ -6,11 +6,10 @@ import math
 
 import numpy as np
 
-from snnav_core.types import FloatArray, PlannedPath, Pose2D, RobotSpec, RobotState, TimedPath
+from snnav_core.types import FloatArray, HeardPath, PlannedPath, Pose2D, RobotSpec, RobotState, TimedPath
 
-__all__ = ["TIME_TOLERANCE", "onwards", "predicted_pose", "state_fault", "up_to"]
+__all__ = ["TIME_TOLERANCE", "halted", "onwards", "predicted_pose", "state_fault", "up_to"]
 
-TIME_TOLERANCE = 1e-6  # [s]
 TIME_TOLERANCE = 1e-6  # [s]
 
 
@@ -95,3 +94,11 @@ def onwards(path: TimedPath, start: float) -> TimedPath:
     count = max(1, math.ceil((path.end_time - start) / path.step - 1e-6) + 1)
     times = start + path.step * np.arange(count, dtype=np.float64)
     return TimedPath(start, path.step, path.positions_at(times), path.turn_to)
+
+
+def halted(promise: HeardPath, time: float) -> HeardPath:
+    """What is left of a promise when the robot was stopped at a time [s]: it stands where it was to be then."""
+    if promise.path is None:
+        return promise
+    here = promise.path.positions_at(np.array([time]))
+    return HeardPath(TimedPath(time, promise.path.step, here), promise.valid_until)

@@ -84,12 +84,10 @@ class PlannerNode(ManagedNode):
                 self._fellows = Fellows(self, settings.planners, window, self._on_promise)
             except InvalidInput as error:
                 self.reader.fail("planners", str(error))
-        share = interval / (len(settings.planners) + 1)
-        self._share = nanoseconds(settings.sharing_deadline or share)
+        self._share = nanoseconds(settings.sharing_deadline or interval / (len(settings.planners) + 1))
         if not self.lockstep:
             self._jump = watch_time(self, self.reset)
         serve(self, self.options, self.reset, {})
-        self._ports: dict[str, RobotPort] = {}
         self.autostart()
 
     @property
@@ -109,7 +107,7 @@ class PlannerNode(ManagedNode):
         self._due: tuple[int, UnoccupiedArea] | None = None
         self._problems: dict[str, str] = {}
         self._misses = 0
-        self._ports = {}
+        self._ports: dict[str, RobotPort] = {}
         self._roster.configure()
         if self._fellows is not None:
             self._fellows.configure()
@@ -292,7 +290,7 @@ class PlannerNode(ManagedNode):
             self.get_logger().warning(f"message not used: {error}")
         self._problems[topic] = str(error)
 
-    def _step_when_complete(self) -> None:
+    def _step_when_complete(self, _: int = 0) -> None:
         """In lockstep: go on once all of the present tick is there: who joins, area, odometry, goals, promises."""
         if self._participant is None or self._participant.due is None or self._area is None:
             return
