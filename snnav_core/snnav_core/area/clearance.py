@@ -16,13 +16,13 @@ import numpy as np
 from snnav_core.area.bins import SegmentBins
 from snnav_core.types import FloatArray
 
-__all__ = ["ClearanceField", "nearest_boundary"]
+__all__ = ["ClearanceField", "nearby_boundary", "nearest_boundary", "nearest_of"]
 
 _BIN_SIZE = 0.25  # [m]
 _FARTHEST = 1e8  # [m]; a point with a larger coordinate is outside of every area
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _query(points, limit, starts, ends, normals_start, normals_end, offsets, members, origin, size, nx, ny):  # type: ignore[no-untyped-def]
     count = points.shape[0]
     distance = np.empty(count)
@@ -46,7 +46,7 @@ def _query(points, limit, starts, ends, normals_start, normals_end, offsets, mem
     return distance, gradient
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def nearest_boundary(  # type: ignore[no-untyped-def]
     px, py, limit, starts, ends, normals_start, normals_end, offsets, members, origin, size, nx, ny
 ):
@@ -93,7 +93,90 @@ def nearest_boundary(  # type: ignore[no-untyped-def]
     return _signed(px, py, found_t, starts[found], ends[found], normals_start[found], normals_end[found])
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
+def nearby_boundary(px, py, slack, found, starts, ends, offsets, members, origin, size, nx, ny):  # type: ignore[no-untyped-def]
+    """Segments that may be the nearest one to a point while it moves by no more than half the slack [m].
+
+    Writes their numbers into `found` and returns how many there are; -1 when there are more than fit, or none.
+    """
+    if not (abs(px) < _FARTHEST and abs(py) < _FARTHEST):
+        return -1
+    cx = int(math.floor((px - origin[0]) / size))
+    cy = int(math.floor((py - origin[1]) / size))
+    ring = max(0, -cx, -cy, cx - nx + 1, cy - ny + 1)
+    last = max(max(cx, nx - 1 - cx), max(cy, ny - 1 - cy))
+    inside_x, inside_y = px - origin[0] - cx * size, py - origin[1] - cy * size
+    rim = min(min(inside_x, size - inside_x), min(inside_y, size - inside_y))
+    squares = np.empty(len(found))
+    best, farthest, count = math.inf, math.inf, 0
+    while ring <= last:
+        if ring > 0:
+            reach = (ring - 1) * size + rim
+            if reach > 0.0 and reach * reach > farthest:
+                break
+        for ix in range(max(cx - ring, 0), min(cx + ring, nx - 1) + 1):
+            edge = ix == cx - ring or ix == cx + ring
+            step = 1 if edge else 2 * ring
+            iy = max(cy - ring, 0) if edge else cy - ring
+            while iy <= min(cy + ring, ny - 1):
+                if iy >= 0:
+                    b = ix * ny + iy
+                    for m in range(offsets[b], offsets[b + 1]):
+                        s = members[m]
+                        square, _ = _square_to(px, py, s, starts, ends)
+                        if square > farthest:
+                            continue
+                        if square < best:
+                            best = square
+                            farthest = (math.sqrt(best) + slack) ** 2
+                            count = _keep(found, squares, count, farthest)
+                        if s in found[:count]:
+                            continue
+                        if count == len(found):
+                            return -1
+                        found[count], squares[count] = s, square
+                        count += 1
+                iy += step
+        ring += 1
+    return count if count > 0 else -1
+
+
+@numba.njit(cache=True, nogil=True)
+def _keep(found, squares, count, farthest):  # type: ignore[no-untyped-def]
+    """Drop what is farther away than `farthest`, in place; returns how many are left."""
+    kept = 0
+    for i in range(count):
+        if squares[i] <= farthest:
+            found[kept], squares[kept] = found[i], squares[i]
+            kept += 1
+    return kept
+
+
+@numba.njit(cache=True, nogil=True)
+def nearest_of(px, py, found, count, starts, ends, normals_start, normals_end):  # type: ignore[no-untyped-def]
+    """Signed distance of a point to the nearest of some segments, and its gradient."""
+    best, nearest, share = math.inf, 0, 0.0
+    for i in range(count):
+        square, t = _square_to(px, py, found[i], starts, ends)
+        if square < best:
+            best, nearest, share = square, found[i], t
+    return _signed(
+        px, py, share, starts[nearest], ends[nearest], normals_start[nearest], normals_end[nearest]
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def _square_to(px, py, s, starts, ends):  # type: ignore[no-untyped-def]
+    """Squared distance of a point to segment s, and the share of the segment where it is nearest."""
+    ax, ay = starts[s, 0], starts[s, 1]
+    dx, dy = ends[s, 0] - ax, ends[s, 1] - ay
+    t = ((px - ax) * dx + (py - ay) * dy) / (dx * dx + dy * dy)
+    t = min(max(t, 0.0), 1.0)
+    qx, qy = px - ax - t * dx, py - ay - t * dy
+    return qx * qx + qy * qy, t
+
+
+@numba.njit(cache=True, nogil=True)
 def _signed(px, py, share, start, end, normal_start, normal_end):  # type: ignore[no-untyped-def]
     """Signed distance of a point to the nearest point of the boundary, at a share of a segment; its gradient."""
     dx, dy = end[0] - start[0], end[1] - start[1]

@@ -62,17 +62,33 @@ class Crowd(Traffic):
     def barriers(self, chain: FloatArray) -> list[DiskBarrier]:
         """What the points of a path keep away from when a chain (N, 2) [m, map] is adjusted.
 
-        Robots on their paths that can be met within the window, or stay near the chain at the end of theirs; and for
-        the first interval the stops of those so near that they matter then.
+        Robots under way that can be met within the window, for so long; robots that stand near the chain; and for the
+        first interval the stops of those so near that they matter then.
+
+        Where robots under way will be beyond the window nobody knows. As obstacles there, they tore most ways through
+        a crowd apart.
         """
         if len(self) == 0:
             return []
         centres, demanded = self._disks
-        reach = self.gaps - self._own_reach - self._reach <= demanded.max(axis=1) + _SLACK
         link = 1.02 * self._distances.link
-        stays = are_near(centres[:, -1], demanded[:, -1] + _SLACK, np.ascontiguousarray(chain), link)
-        met = np.flatnonzero(reach | stays)
-        return [DiskBarrier(centres[index], demanded[index]) for index in met] + self._stops
+        ahead = are_near(centres[:, -1], demanded[:, -1] + _SLACK, np.ascontiguousarray(chain), link)
+        stand = [
+            DiskBarrier(centres[index], demanded[index]) for index in np.flatnonzero(self.stands & ahead)
+        ]
+        return stand + self._moving + self._stops
+
+    @cached_property
+    def _moving(self) -> list[DiskBarrier]:
+        """Robots under way that can be met within the window."""
+        centres, demanded = self._disks
+        met = self.gaps - self._own_reach - self._reach <= demanded.max(axis=1)
+        return [
+            DiskBarrier(
+                np.vstack((centres[index], centres[index, -1:])), np.append(demanded[index], -math.inf)
+            )
+            for index in np.flatnonzero(met & ~self.stands)
+        ]
 
     @cached_property
     def _own_reach(self) -> float:

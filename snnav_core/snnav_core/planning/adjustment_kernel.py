@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numba
 import numpy as np
 
-from snnav_core.area.clearance import ClearanceField, nearest_boundary
+from snnav_core.area.clearance import ClearanceField, nearby_boundary, nearest_boundary, nearest_of
 from snnav_core.planning.fields import Barrier, BoundaryBarrier, CircleBarrier, DiskBarrier
 from snnav_core.types import FloatArray
 
@@ -16,6 +16,8 @@ __all__ = ["adjust_in_plane"]
 
 _TINY = 1e-12
 _TOUCHING = -1e-9  # [m]
+_SLACK = 0.04  # [m]; half of it is what a point moves before the segments near it are gathered again ...
+_MOST_NEAR = 12  # ... of which there are at most so many
 _QUIET = 5  # passes without a change of the number of points before rest counts
 
 
@@ -102,7 +104,14 @@ def _adjust(start, target, gains, limits, most, margins, arrays, centres, distan
     p[: n + 1] = start
     velocity = np.zeros((room, 2))
     force = np.zeros((room, 2))
-    boundary = (np.empty((room, 2)), np.empty(room), np.empty((room, 2)))
+    boundary = (
+        np.empty((room, 2)),  # where it was looked up,
+        np.empty(room),  # its clearance
+        np.empty((room, 2)),  # and gradient there,
+        np.empty((room, 2)),  # around which place
+        np.empty((room, _MOST_NEAR), dtype=np.int64),  # these segments may be the nearest,
+        np.empty(room, dtype=np.int64),  # so many
+    )
     others = (np.empty((room, 2)), np.empty(room))
     known = 0  # points p_1 .. p_known were looked up
     quiet = 0
@@ -180,43 +189,65 @@ def _off_boundary(p, n, velocity, force, margins, arrays, cache, known, link):  
     """`BoundaryBarrier`: a point is looked up again only when it has moved by what it had in reserve.
 
     A look-up far from the boundary is dear, and one is enough for many points: the distance of a point is at least that
-    of its neighbour minus what they are apart.
+    of its neighbour minus what they are apart. A point that stays about where it is has few segments to compare with.
     """
+    asked, clearance, gradient, place, found, counts = cache
     starts, ends, normals_start, normals_end, offsets, members, origin, size, columns, rows = arrays
-    asked, clearance, gradient = cache
     for i in range(1, n + 1):
         demanded = margins[min(i, len(margins)) - 1]
         if i <= known:
             mx, my = p[i, 0] - asked[i, 0], p[i, 1] - asked[i, 1]
             reserve = max(clearance[i] - demanded, 0.0)
-            stale = mx * mx + my * my >= reserve * reserve
+            if mx * mx + my * my < reserve * reserve:
+                continue
         else:
-            stale = True
-        if stale:
-            asked[i] = p[i]
-            inherited = -math.inf
-            if i > 1:
-                mx, my = p[i, 0] - asked[i - 1, 0], p[i, 1] - asked[i - 1, 1]
-                inherited = clearance[i - 1] - math.sqrt(mx * mx + my * my)
-            if inherited > demanded + link:
-                clearance[i] = inherited
-                gradient[i] = 0.0
-            else:
-                clearance[i], gradient[i, 0], gradient[i, 1] = nearest_boundary(
-                    p[i, 0],
-                    p[i, 1],
-                    math.inf,
-                    starts,
-                    ends,
-                    normals_start,
-                    normals_end,
-                    offsets,
-                    members,
-                    origin,
-                    size,
-                    columns,
-                    rows,
-                )
+            counts[i] = -1
+            place[i] = math.inf
+        asked[i] = p[i]
+        inherited = -math.inf
+        if i > 1:
+            mx, my = p[i, 0] - asked[i - 1, 0], p[i, 1] - asked[i - 1, 1]
+            inherited = clearance[i - 1] - math.sqrt(mx * mx + my * my)
+        if inherited > demanded + link:
+            clearance[i] = inherited
+            continue
+        mx, my = p[i, 0] - place[i, 0], p[i, 1] - place[i, 1]
+        if i <= known and mx * mx + my * my > 0.25 * _SLACK * _SLACK:
+            place[i] = p[i]
+            counts[i] = nearby_boundary(
+                p[i, 0],
+                p[i, 1],
+                _SLACK,
+                found[i],
+                starts,
+                ends,
+                offsets,
+                members,
+                origin,
+                size,
+                columns,
+                rows,
+            )
+        if counts[i] > 0:
+            clearance[i], gradient[i, 0], gradient[i, 1] = nearest_of(
+                p[i, 0], p[i, 1], found[i], counts[i], starts, ends, normals_start, normals_end
+            )
+        else:
+            clearance[i], gradient[i, 0], gradient[i, 1] = nearest_boundary(
+                p[i, 0],
+                p[i, 1],
+                math.inf,
+                starts,
+                ends,
+                normals_start,
+                normals_end,
+                offsets,
+                members,
+                origin,
+                size,
+                columns,
+                rows,
+            )
         _push(p, velocity, force, i, demanded - clearance[i], gradient[i, 0], gradient[i, 1])
 
 

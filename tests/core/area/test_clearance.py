@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import MultiPolygon
 
-from snnav_core.area.clearance import ClearanceField
+from snnav_core.area.clearance import ClearanceField, nearby_boundary, nearest_of
 from snnav_core.area.planar import UnoccupiedArea, as_multipolygon
 from snnav_core.types import FloatArray
 
@@ -191,3 +191,38 @@ def test_holes_and_sectors_that_meet_at_a_scanner_have_the_right_side(
     np.testing.assert_allclose(
         field_of(region).query(points)[0], true_clearance(region, points), rtol=0.0, atol=1e-9
     )
+
+
+@given(seeds, st.sampled_from((0.0, 0.4, 0.9)), st.floats(0.01, 0.5))
+def test_while_a_point_moves_little_the_segments_near_it_are_all_that_counts(
+    random_region: Callable[[int, float], MultiPolygon], seed: int, roughness: float, slack: float
+) -> None:
+    generator = np.random.default_rng(seed)
+    field = field_of(random_region(seed, roughness))
+    starts, ends, normals_start, normals_end, *bins = field.arrays
+    found, gathered = np.empty(12, dtype=np.int64), 0
+    for place in generator.uniform(-12.0, 12.0, (40, 2)):
+        count = nearby_boundary(*place, slack, found, starts, ends, *bins)
+        if count < 0:
+            continue
+        gathered += 1
+        way = generator.normal(0.0, 1.0, (20, 2))
+        way *= (0.5 * slack * generator.uniform(0.0, 1.0, 20) / np.linalg.norm(way, axis=1))[:, None]
+        expected, gradient = field.query(place + way)
+        for point, distance, direction in zip(place + way, expected, gradient, strict=True):
+            near = nearest_of(*point, found, count, starts, ends, normals_start, normals_end)
+            assert near == (
+                pytest.approx(distance, abs=1e-12),
+                *(pytest.approx(d, abs=1e-6) for d in direction),
+            )
+    assert gathered or slack > 0.1, "most places have few segments near them"
+
+
+def test_segments_are_not_gathered_where_there_are_too_many() -> None:
+    angles = np.linspace(0.0, 2.0 * math.pi, 100, endpoint=False)
+    field = ClearanceField([5.0 * np.column_stack((np.cos(angles), np.sin(angles)))])
+    starts, ends, _, _, *bins = field.arrays
+    found = np.empty(12, dtype=np.int64)
+    assert nearby_boundary(0.0, 0.0, 0.1, found, starts, ends, *bins) == -1
+    assert 0 < nearby_boundary(4.5, 0.0, 0.1, found, starts, ends, *bins) <= 12
+    assert nearby_boundary(math.nan, 0.0, 0.1, found, starts, ends, *bins) == -1

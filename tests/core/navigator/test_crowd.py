@@ -54,13 +54,14 @@ def test_nobody_is_nothing_to_keep_away_from() -> None:
 @pytest.mark.parametrize(
     ("points", "count"),
     [
+        ([[30.0 + 0.25 * k, 0.0] for k in range(37)], 0),  # drives ahead
         ([[30.0, 0.0]], 1),  # stands in the way far ahead
         ([[30.0, 5.0]], 0),  # beside it
         ([[10.0, 9.0], [10.0, 8.7]], 0),  # drives elsewhere
         ([[30.0, 9.0 - 0.25 * k] for k in range(37)], 0),  # crosses the way, but not within the window
     ],
 )
-def test_far_robots_count_only_when_they_end_in_the_way(points: list[list[float]], count: int) -> None:
+def test_far_robots_count_only_when_they_stand_in_the_way(points: list[list[float]], count: int) -> None:
     assert len(crowd(other("r", points)).barriers(along(40.0))) == count
 
 
@@ -84,6 +85,7 @@ def test_who_comes_near_within_the_window_is_kept_away_from(seed: int) -> None:
     seen = crowd(*others)
     chain = along(30.0)
     kept = {tuple(barrier.centres[-1]) for barrier in seen.barriers(chain)}
+    assert all(np.isneginf(b.distances[-1]) for b in seen.barriers(chain)), "all are under way"
     times = DISTANCES.step * np.arange(1, DISTANCES.window_points + 1)
     for one in others:
         centres = one.path.positions_at(times)
