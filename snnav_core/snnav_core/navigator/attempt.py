@@ -10,6 +10,7 @@ import numpy as np
 
 from snnav_core.navigator.context import AreaContext
 from snnav_core.navigator.crowd import Crowd
+from snnav_core.navigator.forecast import Forecast
 from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
 from snnav_core.planning.adjustment import adjust, resample
 from snnav_core.planning.certificate import certify
@@ -65,6 +66,8 @@ class Attempt:
     planning_distance: float
     previous: AreaContext | None = None
     """The area of the step before, when it was another one."""
+    forecast: Forecast | None = None
+    """What comes nearer, where that looks farther ahead than the window."""
 
     def __post_init__(self) -> None:
         crowd = self.others

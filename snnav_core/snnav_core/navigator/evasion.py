@@ -14,7 +14,7 @@ from snnav_core.navigator.plans import best_profile, better, turn_and_leg
 from snnav_core.navigator.search import find_route, route_candidates
 from snnav_core.types import FloatArray, PathSource, PlannedPath
 
-__all__ = ["closes", "evade", "may_stand"]
+__all__ = ["closes", "evade", "may_stand", "towards"]
 
 _MOVES = 0.25  # share of what a boundary can move in an interval that counts as coming nearer ...
 _NOISE = 0.03  # ... and at least this [m]: noise of the scanners moves it as well
@@ -57,7 +57,7 @@ def evade(attempt: Attempt, disks: Disks) -> PlannedPath | None:
     """
     best: PlannedPath | None = None
     for refuge in _refuges(attempt, disks):
-        plan = _towards(attempt, refuge, disks)
+        plan = towards(attempt, refuge, disks)
         best = better(best, plan)
         if plan is not None and attempt.is_whole(plan):
             return plan
@@ -79,7 +79,8 @@ def _refuges(attempt: Attempt, disks: Disks) -> list[FloatArray]:
     return [point for _, point in sorted(found, key=lambda entry: entry[0])[:_REFUGES]]
 
 
-def _towards(attempt: Attempt, refuge: FloatArray, disks: Disks) -> PlannedPath | None:
+def towards(attempt: Attempt, refuge: FloatArray, disks: Disks) -> PlannedPath | None:
+    """The best certified path to a place, or a turn towards it; None without any."""
     try:
         route = find_route(
             attempt.context,

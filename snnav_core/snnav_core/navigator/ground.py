@@ -15,6 +15,7 @@ from snnav_core.navigator.attempt import Attempt
 from snnav_core.navigator.context import AreaContext, aged
 from snnav_core.navigator.crowd import possible_paths
 from snnav_core.navigator.explain import Explainer
+from snnav_core.navigator.forecast import Trend
 from snnav_core.navigator.plans import shortened
 from snnav_core.navigator.prediction import (
     TIME_TOLERANCE,
@@ -110,7 +111,7 @@ class GroundNavigator:
         self._explainer = Explainer(self.settings.search_interval)
         self._right_of_way = RightOfWay(self.settings)
         self._context: AreaContext | None = None
-        self._previous: AreaContext | None = None
+        self._trend = Trend(self.settings)
         self._changed = True
         self._heard: dict[str, HeardPath] = {}
         self._goals: Mapping[str, tuple[float, float]] = {}
@@ -233,11 +234,7 @@ class GroundNavigator:
 
     def _update_context(self, area: UnoccupiedArea) -> None:
         fresh = AreaContext(area, self.settings.simplification)
-        if self._context is not None and self._context.digest == fresh.digest:
-            self._context.area = self._context.area.restamped(area.stamp, area.contradictions, area.lost)
-            self._previous, self._changed = None, False
-        else:
-            self._previous, self._context, self._changed = self._context, fresh, True
+        self._context, self._changed = self._trend.follow(self._context, fresh)
 
     def _others(
         self, name: str, time: float, decisions: Mapping[str, PlannedPath | Stop]
@@ -319,7 +316,8 @@ class GroundNavigator:
             distances,
             self.settings,
             distances.least,
-            self._previous,
+            self._trend.previous,
+            self._trend.forecast,
         )
         if context.area.is_empty:
             message = f"nothing is known to be free by the area stamped {context.area.stamp:.2f} s; check the sensors"

@@ -11,6 +11,7 @@ from snnav_core.errors import GoalBlocked, GoalUnreachable, PlanningError, Start
 from snnav_core.navigator.attempt import Attempt
 from snnav_core.navigator.context import Disks
 from snnav_core.navigator.evasion import closes, evade, may_stand
+from snnav_core.navigator.foresight import weigh
 from snnav_core.navigator.plans import best_profile, better, profiles, turn_and_leg, turn_on
 from snnav_core.navigator.search import Route, find_route, route_candidates
 from snnav_core.planning.adjustment import resample
@@ -103,14 +104,20 @@ def plan_robot(
     )
     if isinstance(decision, PlannedPath):
         memory = _with_progress(memory, decision, attempt.distances.stride)
-        if memory.hurry > 0 or attempt.is_full(decision) or not closes(attempt, decision):
-            return decision, memory
+    away = (_kept(attempt, last) or turn_on(attempt, last.plan)) if last.evading else None
+    if attempt.forecast is not None:
+        disks, hurried = _standing(attempt, parked=False), memory.hurry > 0
+        decision, evading = weigh(attempt, attempt.forecast, decision, away, disks, hurried)
+        return decision, replace(memory, evading=evading)
+    if isinstance(decision, PlannedPath) and (
+        memory.hurry > 0 or attempt.is_full(decision) or not closes(attempt, decision)
+    ):
+        return decision, memory
     if may_stand(attempt):
         if isinstance(decision, PlannedPath):
             message = f"robot {attempt.robot.id} waits: something comes nearer along its way"
             decision = Stop(attempt.robot.id, StopReason.NO_PATH, message)
         return decision, memory
-    away = (_kept(attempt, last) or turn_on(attempt, last.plan)) if last.evading else None
     if away is None or not attempt.is_whole(away):
         away = better(away, evade(attempt, _standing(attempt, parked=False)))
     if away is None or (isinstance(decision, PlannedPath) and better(decision, away) is decision):
