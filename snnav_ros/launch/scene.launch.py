@@ -2,6 +2,7 @@
 
     ros2 launch snnav_ros scene.launch.py scene:=factory
     ros2 launch snnav_ros scene.launch.py scene:=/path/hall.yaml lockstep:=true rviz:=true
+    ros2 launch snnav_ros scene.launch.py scene:=ten_robots planners:=2
 
 Time is simulated: by the wall clock (`rate` times as fast), or in lockstep as fast as the machine can.
 """
@@ -13,6 +14,8 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchContext, LaunchDescription
+from snnav_ros.bringup import share_robots
+from snnav_ros.nodes.operator import needs_operator
 from snnav_sim.scene import find_scene, load_scene
 
 
@@ -36,12 +39,25 @@ def scene_nodes(context: LaunchContext) -> list[Node]:
         )
 
     rate = rate_of(LaunchConfiguration("rate").perform(context))
+    shares = share_robots(scene, count_of(LaunchConfiguration("planners").perform(context)))
+    several = {"planners": list(shares)} if len(shares) > 1 else {}
+    sampled = [*(sensor.id for sensor in scene.sensors), "fusion_node", *shares]
     return [
         *(node("lms200_node", sensor.id, sensor_id=sensor.id) for sensor in scene.sensors),
         node("fusion_node", "fusion_node"),
-        node("planner_node", "planner_node"),
-        *(node("robot_node", robot.id, robot_id=robot.id) for robot in scene.robots),
-        node("clock_node", "clock_node", use_sim_time=False, rate=rate),
+        *(
+            node("planner_node", name, **several, **({"serves": robots} if several else {}))
+            for name, robots in shares.items()
+        ),
+        *(node("robot_node", robot.id, robot_id=robot.id, **several) for robot in scene.robots),
+        *([node("operator_node", "operator_node")] if needs_operator(scene) else []),
+        node(
+            "clock_node",
+            "clock_node",
+            use_sim_time=False,
+            rate=rate,
+            **({"every_sample": sampled} if several else {}),
+        ),
     ]
 
 
@@ -57,6 +73,19 @@ def rate_of(text: str) -> float:
         return float(text)
     except ValueError:
         raise ValueError(f"rate:={text} is no number; write one such as rate:=2.0") from None
+
+
+def count_of(text: str) -> int:
+    """Return the whole number in the argument `planners`.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    if not text.isdecimal():
+        raise ValueError(f"planners:={text} is no number; write one such as planners:=2")
+    return int(text)
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -80,6 +109,9 @@ def generate_launch_description() -> LaunchDescription:
                 description="as fast as the machine can",
             ),
             DeclareLaunchArgument("rate", default_value="1.0", description="simulated seconds in a second"),
+            DeclareLaunchArgument(
+                "planners", default_value="1", description="so many planner nodes share the robots"
+            ),
             DeclareLaunchArgument("namespace", default_value="", description="before all names"),
             DeclareLaunchArgument("rviz", default_value="false", description="open RViz"),
             rviz,  # before the nodes: where there is no RViz, none of them is started

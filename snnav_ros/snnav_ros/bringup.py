@@ -86,14 +86,14 @@ def plan_nodes(
 
 
 def share_robots(scene: Scene, planners: int) -> dict[str, list[str]]:
-    """Return names of planner nodes and the robots that each of them serves, neighbours in the scene together.
+    """Return names of planner nodes and the robots that each of them serves, in the order in which they join.
 
     Raises
     ------
     InvalidInput
         If there are fewer robots than planners.
     """
-    robots = [robot.id for robot in scene.robots]
+    robots = [robot.id for robot in sorted(scene.robots, key=lambda one: scene.instant(one.joins_at))]
     if planners == 1:
         return {_PLANNER: robots}
     if not 1 <= planners <= len(robots):

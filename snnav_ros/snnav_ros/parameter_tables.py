@@ -40,6 +40,7 @@ _EXAMPLES: dict[str, tuple[str, str, dict[str, Any]]] = {
     ),
     "robot_node": ("robot", "RobotNode", {"robot_id": _ROBOT}),
     "clock_node": ("clock", "ClockNode", {}),
+    "operator_node": ("operator", "OperatorNode", {"scene": "hello"}),
 }
 
 _OWN_OF_ROS = ("use_sim_time", "start_type_description_service")

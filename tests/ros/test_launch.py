@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import sys
 import types
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,10 @@ from snnav_core.errors import SnnavError
 from snnav_ros.nodes.clock import ClockNode
 from snnav_ros.nodes.fusion import FusionNode
 from snnav_ros.nodes.lms200 import Lms200Node
+from snnav_ros.nodes.operator import OperatorNode
 from snnav_ros.nodes.planner import PlannerNode
 from snnav_ros.nodes.robot import RobotNode
+from snnav_sim.scene import Retarget, dump_scene, find_scene, load_scene
 
 FOLDER = Path(__file__).parents[2] / "snnav_ros" / "launch"
 CONFIG = FOLDER.parent / "config" / "network.yaml"
@@ -25,6 +28,7 @@ KINDS = {
     "planner_node": PlannerNode,
     "robot_node": RobotNode,
     "clock_node": ClockNode,
+    "operator_node": OperatorNode,
 }
 
 
@@ -90,6 +94,33 @@ def test_scene_brings_up_its_nodes(launch_file: Any, graph: Any, lockstep: str) 
     graph.until(lambda: made["robot_1"]._base.pose.x > 1.3, "the robot to drive")
 
 
+def test_several_planners_and_an_operator_where_the_scene_asks_for_them(
+    launch_file: Any, graph: Any, tmp_path: Path
+) -> None:
+    hello = load_scene(find_scene("hello"))
+    (first,) = hello.robots
+    first = replace(first, retargets=(Retarget(1.5, (2.0, 4.8)),))
+    second = replace(first, id="late", start=(8.5, 1.0), target=(7.0, 1.0), joins_at=1.0, retargets=())
+    file = tmp_path / "scene.yaml"
+    file.write_text(dump_scene(replace(hello, robots=(first, second))), encoding="utf-8")
+    module = launch_file("scene.launch.py")
+    context = arguments_of(module.generate_launch_description())
+    nodes = module.scene_nodes({**context, "scene": str(file), "lockstep": "true", "planners": "2"})
+    assert [node.kwargs["name"] for node in nodes][2:] == [
+        "fusion_node", "planner_1", "planner_2", "robot_1", "late", "operator_node", "clock_node",
+    ]  # fmt: skip
+    made = {}
+    for node in nodes:
+        (parameters,) = node.kwargs["parameters"]
+        made[node.kwargs["name"]] = graph.add(
+            KINDS[node.kwargs["executable"]], node.kwargs["name"], **parameters
+        )
+    graph.until(lambda: made["clock_node"].time > 4.0)
+    assert made["planner_1"]._goals["robot_1"] == (2.0, 4.8)
+    assert set(made["planner_2"].robots) == {"robot_1", "late"}
+    assert made["late"]._base.pose.x < 8.0
+
+
 def test_network_brings_up_fusion_planner_and_trackers(launch_file: Any, tmp_path: Path) -> None:
     config = tmp_path / "site.yaml"
     config.write_text("{}", encoding="utf-8")
@@ -116,6 +147,8 @@ def test_network_brings_up_fusion_planner_and_trackers(launch_file: Any, tmp_pat
     [
         ("scene.launch.py", "scene", "helo", "did you mean hello"),
         ("scene.launch.py", "rate", "fast", "rate:=fast is no number"),
+        ("scene.launch.py", "planners", "two", "planners:=two is no number"),
+        ("scene.launch.py", "planners", "2", "2 planners for 1 robots; give 1 to 1"),
         ("network.launch.py", "config", "nowhere.yaml", "config:=nowhere.yaml is no file"),
         ("network.launch.py", "remap", "/a/scan", "/a/scan is no pair; write driver_topic=our_topic"),
     ],

@@ -136,7 +136,8 @@ class Fellows:
             return True  # nobody after this node has decided yet
         if word is None or word.stamp < needed or needed < 0:
             return False
-        if word.decided and all(self._has(robot, word.stamp) for robot in word.decided):
+        heard_all = bool(word.decided) or self._node.lockstep  # in lockstep no word is lost
+        if heard_all and all(self._has(robot, word.stamp) for robot in word.decided):
             self._known[name] = word.life, word.issue
         if self._known.get(name) != (word.life, word.issue):
             return False
