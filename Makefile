@@ -27,7 +27,7 @@ format: ## put the sources into the form that lint asks for
 	@$(VENV) ruff check --fix .
 	@$(VENV) ruff format .
 
-bench: ## measure against peers: OMPL, plain shapely, ir-sim (installs them into .venv)
+bench: ## measure against peers: OMPL, plain shapely, ir-sim, ORCA (installs them into .venv)
 	@$(VENV) --bench python tests/bench
 
 venv: ## make .venv and nothing more

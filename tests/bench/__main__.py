@@ -1,4 +1,4 @@
-"""`make bench`: the three speeds that matter, each beside a peer, measured in one run."""
+"""`make bench`: the speeds that matter beside peers, measured in one run."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import platform
 import sys
 
 import area_bench
+import crowd_bench
 import lidar_bench
 import planning_bench
+import swap_bench
 from harness import Row
 from rich.console import Console
 from rich.table import Table
@@ -16,6 +18,8 @@ BENCHES = {
     "planning: one robot, thesis_ch3_scene1": planning_bench.rows,
     "unoccupied area: 12 scanners of 361 beams, 3 robots removed": area_bench.rows,
     "scanner: 361 beams against 200 segments": lidar_bench.rows,
+    "fusion and decision for all robots, hall of 80 x 60 m, 40 scanners, delta 1 s": crowd_bench.rows,
+    **swap_bench.benches(),
 }
 
 
