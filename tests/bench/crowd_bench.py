@@ -1,0 +1,101 @@
+"""Many robots in one hall: the step for all of them by their number, and where its time goes."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from crowd import crowd
+from harness import Row
+from parts import PartTimer
+
+from snnav_core.area.fusion import AreaFusion
+from snnav_core.navigator import search
+from snnav_core.navigator.context import AreaContext
+from snnav_core.navigator.ground import GroundNavigator
+from snnav_core.planning import adjustment, certificate, separation
+from snnav_core.types import FloatArray
+from snnav_sim.scene import find_scene, load_scene
+from snnav_sim.scene_types import Scene
+from snnav_sim.simulation import Simulation
+
+STEPS = {1: 40, 10: 40, 50: 60, 100: 120, 200: 40}  # robots -> decisions measured
+LIMITED = 100  # robots; the limit is the sampling interval
+PROFILED = 30  # decisions more, in which parts are timed
+PARTS = {
+    "rest": [(GroundNavigator, "step")],
+    "area": [(AreaFusion, "add_scan"), (AreaFusion, "area"), (AreaContext, "region")],
+    "search": [(search, "find_route"), (search, "route_candidates")],
+    "adjust": [(adjustment, "adjust")],
+    "certificate": [(certificate, "certify")],
+    "separation": [(separation, "separation")],
+}
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What a closed loop took.
+
+    Parameters
+    ----------
+    seconds : ndarray
+        Fusion and decision together, of every sampling interval [s]; the first one is apart from the others.
+    factor : float
+        Simulated time over the time that it took, simulation of scanners and bases included.
+    parts : str
+        Which part of the step takes how much.
+    """
+
+    seconds: FloatArray
+    factor: float
+    parts: str
+
+
+def drive(scene: Scene, steps: int, profiled: int = 0) -> Drive:
+    """Run the closed loop for some sampling intervals, and some more in which parts are timed."""
+    simulation, timer = Simulation(scene), PartTimer()
+
+    def interval() -> None:
+        for _ in range(scene.ticks_per_sample):
+            simulation.move()
+        simulation.decide()
+
+    simulation.decide()
+    begin = time.perf_counter()
+    for _ in range(steps):
+        interval()
+    factor = steps * scene.sampling_interval / (time.perf_counter() - begin)
+    with timer.watching(PARTS):
+        for _ in range(profiled):
+            interval()
+    record = simulation.record
+    seconds = np.array(record.planner_seconds) + np.array(record.fusion_seconds)
+    return Drive(seconds[: steps + 1], factor, timer.shares())
+
+
+def rows() -> list[Row]:
+    """Measure the first robots of the scene, or all and more of their kinds."""
+    scene = load_scene(find_scene("hundred"))
+    drive(crowd(scene, 2), 2)  # loads compiled code
+    found, others = [], []
+    for count, steps in STEPS.items():
+        limited = count == LIMITED
+        result = drive(crowd(scene, count), steps, PROFILED if limited else 0)
+        first, later = float(result.seconds[0]), result.seconds[1:]
+        median, high = np.percentile(later, (50, 99)).tolist()
+        text = f"p50 {1e3 * median:.0f} ms, p99 {1e3 * high:.0f} ms; {1e3 * median / count:.1f} ms each"
+        found.append(
+            Row(
+                f"{count} robots, {steps} steps (first one {1e3 * first:.0f} ms)",
+                text,
+                median,
+                f"p99 < {1e3 * scene.sampling_interval:g} ms" if limited else "",
+                limited and high >= scene.sampling_interval,
+            )
+        )
+        if limited:
+            others.append(Row(f"where it goes, {count} robots", result.parts))
+            closed = f"closed loop, {count} robots, {len(scene.sensors)} simulated scanners"
+            others.append(Row(closed, f"{result.factor:.1f} x real time"))
+    return [*found, *others]
