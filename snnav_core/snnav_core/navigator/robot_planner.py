@@ -218,14 +218,15 @@ def _search(attempt: Attempt, best: PlannedPath | None, memory: RobotMemory) -> 
             break
         plan = best_profile(attempt, candidate.polyline, candidate.rotation, candidate.source)
         if not plan.certificate.accepted:
-            rejected = plan.certificate.reason
-            by_robot = by_robot or _BY_ROBOT in rejected
+            refusal = plan.certificate.reason
+            if _BY_ROBOT in refusal or not by_robot:  # a robot in the way is told before everything else
+                rejected, by_robot = refusal, _BY_ROBOT in refusal
         elif best is None or _replaces(attempt, plan, best, memory.hurry > 0):
             best = plan
             if attempt.is_full(plan) or memory.hurry > 0:
                 break
     reason = StopReason.BLOCKED_BY_ROBOT if by_robot else StopReason.NO_PATH
-    message = f"robot {robot.id}: {len(candidates)} candidates, none certified; the last: {rejected}"
+    message = f"robot {robot.id}: {len(candidates)} candidates, none certified; one of them {rejected}"
     return _Search(best, Stop(robot.id, reason, message), route, route.target)
 
 

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from snnav_core.types import FloatArray
-from snnav_sim.report.drawing import MARGIN
+from snnav_sim.report.drawing import MARGIN, draw_shares
 from snnav_sim.report.look import Look
 from snnav_sim.report.record import RunRecord
 from snnav_sim.report.truth import GroundTruth
@@ -66,23 +66,28 @@ def _draw_few_distances(
 def _draw_many_distances(
     axes: Axes, scene: Scene, record: RunRecord, truth: GroundTruth, look: Look
 ) -> tuple[float, float]:
-    """Draw one thin curve per robot and name the least distance of all; return how far up and down to show [m]."""
+    """Draw one thin curve per robot, or shares of them, and the least distance of all; return the limits [m]."""
+    times = np.arange(0.0, record.end + scene.control_period, scene.control_period)
+    curves = np.full((len(scene.robots), len(times)), np.inf)
     lowest: tuple[float, float, str] = (math.inf, 0.0, "")
-    for robot, colour in zip(scene.robots, look.colours, strict=True):
+    for index, robot in enumerate(scene.robots):
         rows = record.trajectory(robot.id)
         if len(rows) == 0:
             continue
         to_area, exact = truth.area_clearance(rows[:, 1:3], rows[:, 0])
-        to_area, times = to_area[exact], rows[exact, 0]
-        axes.plot(times, to_area, color=colour, linewidth=0.7)
+        to_area, when = to_area[exact], rows[exact, 0]
+        curves[index] = np.interp(times, when, to_area, left=np.inf, right=np.inf)
         low = int(np.argmin(to_area))
-        lowest = min(lowest, (float(to_area[low]), float(times[low]), robot.id))
-    least, when, name = lowest
+        lowest = min(lowest, (float(to_area[low]), float(when[low]), robot.id))
+    if look.crowd:
+        draw_shares(axes, times, curves)
+    for curve, colour in zip(curves, look.colours, strict=True) if look.named else ():
+        axes.plot(times, curve, color=colour, linewidth=0.7)
+    axes.plot(times, curves.min(axis=0), color="black", linewidth=1.6, label="least of all robots")
+    least, time, name = lowest
     if name:
-        label = f"unoccupied area's boundary, least {np.floor(100.0 * least) / 100.0:.2f} m ({name})"
-        axes.plot(when, least, "o", color="black", markersize=5, label=label, zorder=5)
-    for handle in look.legend(0.9):
-        axes.add_line(handle)
+        label = f"least: {np.floor(100.0 * least) / 100.0:.2f} m, {name}, {time:.1f} s"
+        axes.plot(time, least, "o", color="black", markersize=5, label=label, zorder=5)
     shown = max(_SHOWN * scene.safety_margin, 1.5 * least if name else 0.0)
     return min(0.0, least), shown
 

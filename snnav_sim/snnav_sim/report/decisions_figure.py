@@ -51,12 +51,12 @@ _COLOURS |= {
 }
 _OF_PATHS = {
     PathSource.TURN_IN_PLACE.value: _TURNS,
-    "yield": _ROOM,
+    PathSource.YIELD.value: _ROOM,
     PathSource.EVASION.value: _EVADES,
 }
 _OF_STOPS = {
     StopReason.ARRIVED.value: _ARRIVED,
-    "yields": _YIELDS,
+    StopReason.YIELDS.value: _YIELDS,
     StopReason.BLOCKED_BY_ROBOT.value: _BLOCKED,
 }
 

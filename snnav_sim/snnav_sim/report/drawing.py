@@ -30,6 +30,7 @@ __all__ = [
     "draw_mover",
     "draw_sensor",
     "draw_shape",
+    "draw_shares",
     "draw_world",
     "fill",
     "frame",
@@ -132,3 +133,13 @@ def draw_sensor(axes: Axes, scene: Scene, sensor: SensorScene, limits: bool = Tr
             points = shapely.get_coordinates(shapely.LineString(np.transpose(ends)).intersection(border))
             axes.plot(*points.T, color="black", linewidth=1.1, zorder=9)
     return shown
+
+
+def draw_shares(axes: Axes, times: FloatArray, distances: FloatArray) -> None:
+    """Draw what a tenth, and half, of many robots are nearer than over time; distances (N, M), infinite or NaN: absent."""
+    there = np.where(np.isfinite(distances), distances, np.nan)
+    shown = np.any(np.isfinite(there), axis=0)
+    for share, colour in ((50, "#8fbbe0"), (10, "#2f7ab8")):
+        curve = np.nanpercentile(there[:, shown], share, axis=0)
+        label = f"{'half' if share == 50 else 'a tenth'} of the robots is nearer"
+        axes.plot(times[shown], curve, color=colour, linewidth=1.2, label=label)

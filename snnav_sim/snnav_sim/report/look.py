@@ -40,6 +40,8 @@ class Look:
         How long trajectories are shown where the robots move [s].
     crowded : bool
         Published paths and places in between are left out.
+    crowd : bool
+        Too many to be told apart: no curve of their own over time, no path ahead.
     """
 
     colours: tuple[str, ...]
@@ -49,6 +51,7 @@ class Look:
     marks: float = 1.0
     trail: float = math.inf
     crowded: bool = False
+    crowd: bool = False
 
     @classmethod
     def of(cls, scene: Scene) -> Look:
@@ -68,7 +71,7 @@ class Look:
         handles = [(robot_colour(index), _kind_label(alike)) for index, alike in enumerate(kinds.values())]
         if len(kinds) > _KINDS:
             handles = [("none", f"{len(robots)} robots of {len(kinds)} kinds")]
-        return cls(colours, tuple(handles), width=0.8, marks=0.5, trail=_TRAIL, crowded=True)
+        return cls(colours, tuple(handles), width=0.8, marks=0.5, trail=_TRAIL, crowded=True, crowd=True)
 
     def legend(self, width: float, suffix: str = "") -> list[Line2D]:
         """Return handles for a legend."""

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from snnav_sim.report.drawing import MARGIN
+from snnav_sim.report.drawing import MARGIN, draw_shares
 from snnav_sim.report.look import Look
 from snnav_sim.report.separation import Separations
 from snnav_sim.scene_types import Scene
@@ -25,7 +25,9 @@ def draw_separation(scene: Scene, apart: Separations, file: Path) -> None:
     figure = Figure(figsize=(_WIDTH, 4.2), layout="constrained")
     axes = figure.add_subplot()
     look, margin = Look.of(scene), scene.safety_margin
-    for index, robot in enumerate(scene.robots):
+    if look.crowd:
+        draw_shares(axes, apart.times, apart.least)
+    for index, robot in enumerate(scene.robots if not look.crowd else ()):
         label = robot.id if look.handles and not look.crowded else None
         width = 0.6 * look.width if not look.crowded else 0.7
         axes.plot(apart.times, apart.least[index], color=look.colours[index], linewidth=width, label=label)
@@ -47,9 +49,9 @@ def draw_separation(scene: Scene, apart: Separations, file: Path) -> None:
     title = f"{scene.name}: distance from each robot's centre to the nearest disk of another robot"
     axes.set_title(title, loc="left", fontsize=11)
     handles, labels = axes.get_legend_handles_labels()
-    if look.crowded:
-        own = look.legend(0.9) or [Line2D([], [], color="gray", linewidth=0.7, label="one robot each")]
-        handles, labels = [*own, *handles], [*(str(line.get_label()) for line in own), *labels]
+    if look.named:
+        own = "one robot each"
+        handles, labels = [Line2D([], [], color="gray", linewidth=0.7), *handles], [own, *labels]
     axes.legend(
         handles, labels, fontsize=8, ncols=4, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.14)
     )

@@ -46,7 +46,7 @@ class _Robot:
     def __init__(
         self, axes: Axes, robot: RobotScene, look: Look, colour: str, margin: float, size: float
     ) -> None:
-        self.robot, self._trail = robot, look.trail
+        self.robot, self._trail, self._shows_ahead = robot, look.trail, not look.crowd
         thin = 0.6 if look.crowded else 1.0
         self.ahead = Line2D([], [], color=colour, linewidth=thin, linestyle=(0, (4, 2)), zorder=5)
         self.driven = Line2D([], [], color=colour, linewidth=0.8 * look.width, zorder=6)
@@ -82,7 +82,8 @@ class _Robot:
             artist.set_visible(moment is not None)
         if moment is None:
             return
-        self.ahead.set_data(moment.ahead[:, 0], moment.ahead[:, 1])
+        if self._shows_ahead:
+            self.ahead.set_data(moment.ahead[:, 0], moment.ahead[:, 1])
         self.driven.set_data(moment.driven[:, 0], moment.driven[:, 1])
         x, y = self.robot.target_at(time)
         self.target.set_data([x], [y])
@@ -160,10 +161,11 @@ def stage_legend(scene: Scene, moments: Moments) -> list[Line2D | Patch]:
     handles: list[Line2D | Patch] = [*look.legend(1.8, "" if look.crowded else f", {trail}")]
     if look.crowded:
         handles.append(Line2D([], [], color="gray", linewidth=1.3, label=trail))
-    if scene.robots:
+    if scene.robots and not look.crowd:
         handles.append(
             Line2D([], [], color="gray", linewidth=1.0, linestyle=(0, (4, 2)), label="path at that time")
         )
+    if scene.robots:
         label = f"safety margin {scene.safety_margin:g} m"
         handles.append(Line2D([], [], color=MARGIN, linewidth=0.9, linestyle=(0, (3, 2)), label=label))
     area = "fused area" if scene.recorded else "unoccupied area as published"

@@ -169,7 +169,7 @@ def _trajectory_rows(record: RunRecord) -> list[tuple[Any, ...]]:
         for robot, samples in record.samples.items()
         for time, x, y, heading, speed, turn_rate in samples
     ]
-    return sorted(rows, key=lambda row: float(row[0]))
+    return sorted(rows, key=lambda row: (float(row[0]), str(row[1])))
 
 
 def _path_rows(decisions: Iterable[Decision]) -> Iterable[tuple[Any, ...]]:
