@@ -26,7 +26,12 @@ _LETTER = 0.062  # inches, of a label in a bar
 _LABEL_SIZE = 6.5  # points
 
 # What a decision means -> label and colour, in the order of the legend.
-_DRIVES, _TURNS, _ROOM, _EVADES = "drives", "turns on the spot", "makes room for another", "evades what comes nearer"
+_DRIVES, _TURNS, _ROOM, _EVADES = (
+    "drives",
+    "turns on the spot",
+    "makes room for another",
+    "evades what comes nearer",
+)
 _BLOCKED, _ARRIVED = "waits: another robot in the way", "arrived"
 _YIELDS = "waits until another has passed"
 

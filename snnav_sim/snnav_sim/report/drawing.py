@@ -136,7 +136,16 @@ def draw_sensor(axes: Axes, scene: Scene, sensor: SensorScene, limits: bool = Tr
 
 
 def draw_shares(axes: Axes, times: FloatArray, distances: FloatArray) -> None:
-    """Draw what a tenth, and half, of many robots are nearer than over time; distances (N, M), infinite or NaN: absent."""
+    """Draw over time what a tenth, and half, of many robots are nearer than.
+
+    Parameters
+    ----------
+    axes : Axes
+    times : ndarray, shape (M,)
+        [s]
+    distances : ndarray, shape (N, M)
+        Of every robot [m]; not finite while it is not there.
+    """
     there = np.where(np.isfinite(distances), distances, np.nan)
     shown = np.any(np.isfinite(there), axis=0)
     for share, colour in ((50, "#8fbbe0"), (10, "#2f7ab8")):

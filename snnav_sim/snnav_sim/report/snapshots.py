@@ -22,7 +22,7 @@ _WIDE = 1.9  # width over height of a workspace from which two panels stand side
 
 
 def draw_snapshots(scene: Scene, truth: GroundTruth, moments: Moments, file: Path) -> None:
-    """Draw positions over time (figures of Ch. 3) as a PNG: four panels, six among moving bodies unless robots crowd."""
+    """Draw positions over time (figures of Ch. 3) as a PNG: four panels, six among moving bodies."""
     times = moments.times(_MOVING if scene.movers and not Look.of(scene).crowd else _STILL)
     width, height = (scene.workspace.max(axis=0) - scene.workspace.min(axis=0)).tolist()
     most = 2 if len(times) <= _STILL or width / height >= _WIDE else 3
