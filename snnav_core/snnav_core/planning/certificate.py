@@ -8,9 +8,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon
 
 from snnav_core.errors import InvalidInput
@@ -77,7 +79,8 @@ class BoundaryIndex:
 
     def __init__(self, region: MultiPolygon) -> None:
         self._region = region
-        shapely.prepare(self._region)
+        self._outline = shapely.boundary(region)
+        shapely.prepare([self._region, self._outline])
         links = []
         for ring in shapely.get_rings(shapely.get_parts(region)):
             points = shapely.get_coordinates(ring)
@@ -85,34 +88,49 @@ class BoundaryIndex:
         self._pieces = shapely.linestrings(np.concatenate(links)) if links else np.empty(0, dtype=object)
         self._tree = shapely.STRtree(self._pieces)
 
-    def distances(self, segments: FloatArray, enough: float = math.inf) -> FloatArray:
-        """Distance of segments (N, 2, 2) [m, map] to the boundary [m]; 0 where a segment is not inside the area.
-
-        Distances above `enough` [m] may be given as infinite: with a bound, the look-up is many times as fast.
-        """
+    def distances(self, segments: FloatArray) -> FloatArray:
+        """Distance of segments (N, 2, 2) [m, map] to the boundary [m]; 0 where a segment is not inside the area."""
         if len(self._pieces) == 0 or len(segments) == 0:
             return np.zeros(len(segments))
-        # A point has no line string: give every segment some length, far below any tolerance.
-        degenerate = np.all(segments[:, 0] == segments[:, 1], axis=1)
-        lines = segments.copy()
-        lines[degenerate, 1, 0] += 1e-9
         (rows, _), distances = self._tree.query_nearest(
-            shapely.linestrings(lines),
-            max_distance=enough if math.isfinite(enough) else None,
-            all_matches=False,
-            return_distance=True,
+            _lines(segments), all_matches=False, return_distance=True
         )
-        result = np.full(len(segments), math.inf)
+        result = np.zeros(len(segments))
         result[rows] = distances
         result[~shapely.contains_xy(self._region, segments[:, 0, 0], segments[:, 0, 1])] = 0.0
         return result
 
+    def distances_below(self, segments: FloatArray, enough: FloatArray) -> FloatArray:
+        """Distances of the segments (N, 2, 2) of a chain, infinite where they are more than `enough` (N,) [m].
+
+        Many times as fast as `distances` where most are: those are not worked out.
+        """
+        if len(self._pieces) == 0 or len(segments) == 0:
+            return np.zeros(len(segments))
+        near = np.unique(self._tree.query(_lines(segments), predicate="dwithin", distance=enough)[0])
+        result = np.full(len(segments), math.inf)
+        result[near] = self.distances(segments[near])
+        # What lies far from the boundary is on the side of its neighbours, except where the chain crosses.
+        crosses = bool((result[near] == 0.0).any())
+        asked = segments[:, 0] if crosses else segments[:1, 0]
+        inside = shapely.contains_xy(self._region, asked[:, 0], asked[:, 1])
+        return np.where(inside, result, 0.0)
+
     def least_distance(self, chain: FloatArray) -> float:
         """Distance of a chain of points (N, 2) [m, map], N >= 2, that lies inside the area to its boundary [m]."""
         if np.all(chain == chain[0]):
-            return float(self.distances(chain[None, :2])[0])
-        line = shapely.linestrings(chain)
-        return float(self._tree.query_nearest(line, all_matches=False, return_distance=True)[1][0])
+            return float(self.distances(chain[None, [0, 0]])[0])
+        return float(shapely.distance(self._outline, shapely.linestrings(chain)))
+
+
+def _lines(segments: FloatArray) -> NDArray[np.object_]:
+    """Segments (N, 2, 2) as geometries; a point has no line string: it gets some length, far below any tolerance."""
+    degenerate = np.all(segments[:, 0] == segments[:, 1], axis=1)
+    if degenerate.any():
+        segments = segments.copy()
+        segments[degenerate, 1, 0] += 1e-9
+    lines: NDArray[np.object_] = shapely.linestrings(segments)
+    return lines
 
 
 def certify(
@@ -200,10 +218,8 @@ class _Check:
         self.points = np.asarray(path.points)
         self.window_end = path.start_time + settings.time_window * settings.sampling_interval
         self.times, self.pieces = self._pieces()
-        most = settings.safety_margin + settings.tracking_tolerance
-        most += settings.boundary_speed * settings.time_window * settings.sampling_interval
         # Pieces that keep all that may be demanded have no distance (infinity).
-        self.distances = boundary.distances(self.pieces, most + 1e-6)
+        self.distances = boundary.distances_below(self.pieces, self._ever_demanded() + 1e-6)
         ends = boundary.distances(self.points[[[0, 0], [-1, -1]]])
         self.present, self.at_end = float(ends[0]), float(ends[1])
 
@@ -291,14 +307,26 @@ class _Check:
             return f"the least radius of the path is {least_radius:.3f} m, the robot needs {limit:.3f} m"
         return ""
 
+    @cached_property
+    def _inside(self) -> NDArray[np.bool_]:
+        """Pieces within the window."""
+        return np.asarray(self.times <= self.window_end - self.path.start_time + 1e-9)
+
+    def _tolerance(self) -> FloatArray:
+        settings = self.settings
+        return settings.tracking_tolerance * np.minimum(1.0, self.times / settings.sampling_interval)
+
+    def _ever_demanded(self) -> FloatArray:
+        """Most that is demanded of every piece, whatever the robot comes from [m]: beyond the window d_s."""
+        settings = self.settings
+        # The piece ends at `times`; up to then the boundary has come closer by at most this.
+        within = settings.safety_margin + settings.boundary_speed * self.times + self._tolerance()
+        return np.where(self._inside, within, settings.safety_margin)
+
     def _demanded(self) -> FloatArray:
         """Demanded distance of every piece [m]: d_s + growth until its end + tracking tolerance."""
-        settings = self.settings
-        capped = np.minimum(self.times, settings.time_window * settings.sampling_interval)
-        tolerance = settings.tracking_tolerance * np.minimum(1.0, self.times / settings.sampling_interval)
-        # The piece ends at `times`; up to then the boundary has come closer by at most this.
-        demanded = settings.safety_margin + settings.boundary_speed * capped + tolerance
-        present = self.present
+        settings, tolerance = self.settings, self._tolerance()
+        demanded, present = self._ever_demanded(), self.present
         if present < settings.safety_margin:
             reached = np.maximum.accumulate(self.distances >= demanded)
             demanded = np.where(reached, demanded, np.minimum(demanded, self._least()))
@@ -319,9 +347,8 @@ class _Check:
         """Until when the margin to the boundary holds [s], the least distance until then [m], what fails then."""
         if len(self.distances) == 0 or self.present <= 0.0:
             return -math.inf, 0.0, "the robot is outside the unoccupied area"
-        inside = self.times <= self.window_end - self.path.start_time + 1e-9
         demanded = self._demanded()
-        failing = np.flatnonzero(inside & (self.distances < demanded - 1e-9))
+        failing = np.flatnonzero(self._inside & (self.distances < demanded - 1e-9))
         least = self._least_distance()
         if len(failing) == 0:
             return math.inf, least, ""
@@ -336,13 +363,12 @@ class _Check:
 
     def _least_distance(self) -> float:
         """Least distance within the window [m]."""
-        count = max(int((self.times <= self.window_end - self.path.start_time + 1e-9).sum()), 1)
-        least = float(self.distances[:count].min())
-        if math.isinf(least):
-            least = self.boundary.least_distance(
-                np.vstack((self.pieces[:count, 0], self.pieces[count - 1, 1]))
-            )
-        return least
+        count = max(int(self._inside.sum()), 1)
+        if (self.distances[:count] == 0.0).any():
+            return 0.0
+        links = min(len(self.path) - 1, math.ceil(self.times[count - 1] / self.path.step - 1e-9))
+        chain = self.points[: links + 1] if links > 0 else self.points[[0, 0]]
+        return self.boundary.least_distance(chain)
 
     def stands_until(self) -> float:
         """Until when the robot may stand at the end of the path while the boundary comes nearer [s]."""
