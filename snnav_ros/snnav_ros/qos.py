@@ -45,9 +45,10 @@ COMMAND = _profile(1)
 DIAGNOSTICS = _profile(10)
 
 INBOX = _profile(1000, latched=True)
-"""`robots`, `planners` where they are heard, in both modes; each publisher keeps its last word (`LATCHED`)."""
+"""`robots`, `planners` where they are heard, in both modes; each publisher keeps its last word (`LATCHED`). In lockstep
+also the diagnostics of all nodes."""
 
-RECORDED = _profile(100)
+RECORDED = _profile(1000)
 """What the recorder of a run hears in real time, scans excepted."""
 
 CLOCK = _profile(1)

@@ -110,6 +110,11 @@ class ManagedNode(LifecycleNode):
         self._release.append(lambda: self.destroy_publisher(publisher))
         return publisher
 
+    def offer(self, kind: Any, name: str, callback: Callable[[Any, Any], Any]) -> None:
+        """Offer a service until the node is cleaned up."""
+        service = self.create_service(kind, name, callback)
+        self._release.append(lambda: self.destroy_service(service))
+
     def listen(
         self, kind: Any, topic: str, callback: Callable[[Any], None], qos: QoSProfile
     ) -> Callable[[], object]:

@@ -52,7 +52,9 @@ class RecorderNode(Node):
             self._hear(LaserScan, f"sensors/{sensor.id}/scan", partial(collector.take_data, sensor.id), scans)
         self._hear(PointCloud2, "unoccupied_area", collector.take_area, latched)
         self._hear(OccupancyGrid, "unoccupied_area/grid", partial(collector.take_data, "grid"), latched)
-        self._hear(DiagnosticArray, "/diagnostics", collector.take_diagnostics, recorded)
+        self._hear(
+            DiagnosticArray, "/diagnostics", collector.take_diagnostics, INBOX if lockstep else RECORDED
+        )
         for robot in scene.robots:
             name = robot.id
             self._hear(Odometry, f"{name}/odom", partial(collector.take_odometry, name), recorded)

@@ -36,6 +36,7 @@ class RobotPort:
         self._paths = node.publisher(Path, f"{name}/path", command)
         self._verdicts = node.publisher(DiagnosticStatus, f"{name}/certificate", command)
         self._endings: list[Callable[[], object]] = []
+        self._offers = False
         self._reason: StopReason | None = None
 
     def open(
@@ -56,7 +57,7 @@ class RobotPort:
             node.listen(Odometry, f"{name}/odom", on_odometry, for_mode(node.lockstep, ODOMETRY_INPUT)),
             node.listen(PoseStamped, f"{name}/goal_pose", on_goal, COMMAND),
         ]
-        if node.options.lean:
+        if node.options.lean or self._offers:
             return
 
         def on_enable(request: Any, response: Any) -> Any:
@@ -69,14 +70,13 @@ class RobotPort:
             response.success, response.message = not problem, problem or f"robot {name} was taken out"
             return response
 
-        services = (
-            node.create_service(SetBool, f"~/{name}/enable", on_enable),
-            node.create_service(Trigger, f"~/{name}/remove", on_remove),
-        )
-        self._endings += [lambda service=service: node.destroy_service(service) for service in services]
+        # They stay when the robot leaves: one of them may be at work then.
+        self._offers = True
+        node.offer(SetBool, f"~/{name}/enable", on_enable)
+        node.offer(Trigger, f"~/{name}/remove", on_remove)
 
     def close(self) -> None:
-        """Hear nothing more of the robot, and offer no services for it."""
+        """Hear nothing more of the robot."""
         while self._endings:
             self._endings.pop()()
 
