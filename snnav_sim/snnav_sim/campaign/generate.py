@@ -28,6 +28,7 @@ _TRIES = 300
 _RESERVE = 0.05  # [m] that starts are farther from everything than they must be: scans are noisy
 _WAY = 0.5  # from start to target at least, as a share of the root of the area of the hall
 _ANYWHERE = 0.05  # share of targets of single robots that may lie anywhere, in an obstacle too
+_WITH_PEOPLE = 0.9  # share of the dynamic scenes
 _FASTER = 0.5  # V_max is at most so much of the speed of a robot
 
 
@@ -37,9 +38,9 @@ def campaign_scene(kind: str, seed: int) -> Scene:
     Parameters
     ----------
     kind : str
-        ``static``: one robot, nothing moves. ``dynamic``: one robot among one to five people who walk to and fro.
-        ``multi``: two to twenty robots. ``faults``: `snnav_sim.random_scenes.faulty_scene` with one kind of fault, or
-        all of them.
+        ``static``: one robot, and nothing ever moves (V_max = 0). ``dynamic``: one robot among up to five people who
+        walk to and fro. ``multi``: two to twenty robots. ``faults``: `snnav_sim.random_scenes.faulty_scene` with one
+        kind of fault, or all of them.
     seed : int
         From 0; the seed of the scene too.
 
@@ -85,20 +86,20 @@ def _faulty(seed: int) -> Scene:
 
 
 def _static(draws: Draws) -> Scene | None:
-    """In every fifth hall something could come at any time, but does not."""
     robot = _robot(draws, "robot_1")
-    speed = 0.0 if draws.random() < 0.8 else between(draws, 0.05, _FASTER * robot.speed)
-    scene = _empty_scene(draws, draw_hall(draws, 10.0, 26.0, 6, 2), speed, robot.radius)
+    scene = _empty_scene(draws, draw_hall(draws, 10.0, 26.0, 6, 2), 0.0, robot.radius)
     return _with_robot(draws, scene, robot, _area(scene))
 
 
 def _dynamic(draws: Draws) -> Scene | None:
+    """In every tenth hall somebody could come at any time, but nobody does."""
     robot = _robot(draws, "robot_1")
     hall = draw_hall(draws, 12.0, 22.0, 6, 2)
     speed = between(draws, 0.1, min(0.5, _FASTER * robot.speed))
     scene = _empty_scene(draws, hall, speed, robot.radius, moving=True)
-    area, walkers = _area(scene), draw_walkers(draws, hall.free, speed, 5)
-    return _with_robot(draws, replace(scene, movers=walkers), robot, area) if walkers else None
+    if draws.random() < _WITH_PEOPLE:
+        scene = replace(scene, movers=draw_walkers(draws, hall.free, speed, 5))
+    return _with_robot(draws, scene, robot, _area(replace(scene, movers=())))
 
 
 def _multi(draws: Draws) -> Scene | None:
