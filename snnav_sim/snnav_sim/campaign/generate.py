@@ -61,7 +61,8 @@ def campaign_scene(kind: str, seed: int) -> Scene:
     for it:
 
     - *Walkers do not see the robot*, and nothing is promised to a robot that stands longer than its window. Starts and
-      targets are off the lanes: a robot may stand there for a whole window whatever the walkers do.
+      targets are off the lanes: a robot may stand there for a whole window whatever the walkers do. And lanes leave
+      a robot room to get out of the way, see `snnav_sim.campaign.walkers.draw_walkers`.
     - *Starts and targets of many robots* are so far apart that all may stand there at once, and every robot has a way
       from its start to its target while all others stand at their targets, or all at their starts, if it has one
       without them. Otherwise one who has arrived could lock others in for ever.
@@ -97,9 +98,11 @@ def _dynamic(draws: Draws) -> Scene | None:
     hall = draw_hall(draws, 12.0, 22.0, 6, 2)
     speed = between(draws, 0.1, min(0.5, _FASTER * robot.speed))
     scene = _empty_scene(draws, hall, speed, robot.radius, moving=True)
-    if draws.random() < _WITH_PEOPLE:
-        scene = replace(scene, movers=draw_walkers(draws, hall.free, speed, 5))
-    return _with_robot(draws, scene, robot, _area(replace(scene, movers=())))
+    area, somebody = _area(scene), draws.random() < _WITH_PEOPLE
+    if somebody:
+        walkers = draw_walkers(draws, area, speed, 5, window_distance(scene, robot))
+        scene = replace(scene, movers=walkers)
+    return None if somebody and not scene.movers else _with_robot(draws, scene, robot, area)
 
 
 def _multi(draws: Draws) -> Scene | None:
@@ -171,8 +174,7 @@ def _with_robot(draws: Draws, scene: Scene, robot: RobotScene, area: BaseGeometr
 def _room(scene: Scene, robot: RobotScene, area: BaseGeometry, reserve: float) -> BaseGeometry:
     """Where a robot may be while nobody comes, and stand for a whole window by the lanes of the walkers [m, map]."""
     room = reduced(area, planned_distance(scene, robot) + reserve)
-    lanes = swept(scene.movers).buffer(window_distance(scene, robot) + reserve)
-    return room.difference(lanes)
+    return room.difference(swept(scene.movers).buffer(window_distance(scene, robot) + reserve))
 
 
 def _headed(draws: Draws, robot: RobotScene, region: BaseGeometry) -> float:

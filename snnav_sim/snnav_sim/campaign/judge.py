@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from snnav_core.types import FloatArray
 from snnav_sim.campaign.reference import connected, planned_distance
 from snnav_sim.report.metrics import compute_metrics
-from snnav_sim.report.record import RunRecord
+from snnav_sim.report.record import Decision, RunRecord
 from snnav_sim.report.separation import Separations, separations
 from snnav_sim.report.truth import GroundTruth
 from snnav_sim.scene_types import RobotScene, Scene
 
 __all__ = ["judge"]
+
+Flags = NDArray[np.bool_]
 
 _TIME = 1e-6  # [s]
 _KEPT = (
@@ -42,7 +44,8 @@ def judge(scene: Scene, record: RunRecord) -> dict[str, Any]:
     Notes
     -----
     A robot is *promised* its margin while it drives, and while it stands within the window of its last certificate.
-    Nothing is promised to one that stands longer: who walks up to it then is counted apart (`walked_into`).
+    Nothing is promised to one that stands longer. A body that walks up to it then is counted apart (`walked_into`),
+    until it has its margin back. Margins between robots are always promised.
     """
     truth = GroundTruth(scene)
     metrics = compute_metrics(scene, record, truth, area=False)
@@ -78,25 +81,49 @@ def _violations(
     robot = scene.robots[index]
     rows = record.trajectory(robot.id)
     if len(rows) == 0:
-        return {"collisions": 0, "margin_violations": 0, "walked_into": 0, "hit_standing": 0}
-    gap = np.minimum(truth.clearance(rows[:, 1:3], rows[:, 0]), apart.at(index, rows[:, 0]))
-    promised = (rows[:, 4] > 0.0) | _within_windows(robot, record, rows[:, 0])
-    near, hit = gap < scene.safety_margin, gap < robot.radius
+        return {"collisions": 0, "margin_violations": 0, "hit_standing": 0, "walked_into": 0}
+    times = rows[:, 0]
+    clearance, separation = truth.clearance(rows[:, 1:3], times), apart.at(index, times)
+    driving = rows[:, 4] > 0.0
+    near, hit = clearance < scene.safety_margin, clearance < robot.radius
+    too_near = _since(near, driving | _within_windows(scene, robot, record, times))
+    struck = hit & (too_near | _since(hit, driving))
     return {
-        "collisions": int(np.sum(hit & promised)),
-        "margin_violations": int(np.sum(near & promised)),
-        "hit_standing": int(np.sum(hit & ~promised)),
-        "walked_into": int(np.sum(near & ~promised)),
+        "collisions": int(np.sum(struck | (separation < robot.radius))),
+        "margin_violations": int(np.sum(too_near | (separation < scene.safety_margin))),
+        "hit_standing": int(np.sum(hit & ~struck)),
+        "walked_into": int(np.sum(near & ~too_near)),
     }
 
 
-def _within_windows(robot: RobotScene, record: RunRecord, times: FloatArray) -> NDArray[np.bool_]:
-    """Whether a certificate holds at each time [s], shape (N,)."""
+def _since(episodes: Flags, cause: Flags) -> Flags:
+    """The rows of all episodes (runs of true values) whose first row has a cause, shape (N,)."""
+    first = episodes & ~np.concatenate(([False], episodes[:-1]))
+    begins = np.append(np.flatnonzero(first), 0)
+    caused: Flags = episodes & cause[begins[np.maximum(np.cumsum(first) - 1, 0)]]
+    return caused
+
+
+def _within_windows(scene: Scene, robot: RobotScene, record: RunRecord, times: FloatArray) -> Flags:
+    """Whether the margin is promised by a certificate at each time [s], shape (N,).
+
+    A robot that turns in place after it has lost its margin, or is about to, gets certificates that promise no more
+    than that it is as safe as standing: they count for as long as the margin holds whatever the boundary does.
+    """
     decisions = record.decisions_of(robot.id)
     if not decisions:
         return np.zeros(len(times), dtype=np.bool_)
     begins = np.array([decision.time for decision in decisions])
-    ends = np.array([-math.inf if d.valid_until is None else d.valid_until for d in decisions])
+    ends = np.array([_promised_until(decision, scene) for decision in decisions])
     index = np.searchsorted(begins, times + _TIME, side="right") - 1
-    held: NDArray[np.bool_] = (index >= 0) & (times <= ends[np.maximum(index, 0)] + _TIME)
+    held: Flags = (index >= 0) & (times <= ends[np.maximum(index, 0)] + _TIME)
     return held
+
+
+def _promised_until(decision: Decision, scene: Scene) -> float:
+    if decision.path is None or decision.valid_until is None:
+        return -math.inf
+    if decision.path.turn_to is None or decision.least_clearance is None or scene.boundary_speed == 0.0:
+        return decision.valid_until
+    lasting = (decision.least_clearance - scene.safety_margin) / scene.boundary_speed
+    return min(decision.valid_until, decision.time + lasting)

@@ -35,6 +35,8 @@ class Decision:
         Where the path comes from, where known.
     valid_until : float or None
         The certificate holds up to this time [s]; None for a stop, or where not known.
+    least_clearance : float or None
+        Least distance to the boundary along the window by the certificate [m], where known.
     """
 
     time: float
@@ -45,6 +47,7 @@ class Decision:
     planning_distance: float | None = None
     source: str = ""
     valid_until: float | None = None
+    least_clearance: float | None = None
 
     @classmethod
     def of(cls, time: float, decision: PlannedPath | Stop) -> Decision:
@@ -58,6 +61,7 @@ class Decision:
             planning_distance=decision.planning_distance,
             source=decision.source.value,
             valid_until=decision.certificate.valid_until,
+            least_clearance=decision.certificate.least_clearance,
         )
 
 
