@@ -31,7 +31,7 @@ __all__ = ["add_parsers"]
 
 _KINDS = {
     "static": "one robot, nothing moves",
-    "dynamic": "one robot among people who walk to and fro",
+    "dynamic": "one robot among up to five people who walk to and fro",
     "multi": "two to twenty robots",
     "faults": "one robot, people, and range finders that fail",
 }
@@ -44,8 +44,8 @@ def add_parsers(subparsers: argparse._SubParsersAction[argparse.ArgumentParser])
         "campaign",
         help="run hundreds of random scenes and judge them",
         description="Run random scenes without ROS in parallel and judge every run against ground truth. Finished runs "
-        "are kept: the same command goes on after an interruption. The status is 0 when nothing was hit, the safety "
-        "margin was kept and no run failed, else 1.",
+        "are kept: the same command goes on after an interruption. The status is 0 when no run failed, no robot "
+        "collided and the safety margin was kept, else 1.",
     )
     kinds = "; ".join(f"{kind}: {text}" for kind, text in _KINDS.items())
     parser.add_argument("--kind", choices=tuple(_KINDS), required=True, help=kinds)

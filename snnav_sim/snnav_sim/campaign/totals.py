@@ -53,8 +53,8 @@ def totals(records: Sequence[Record]) -> dict[str, Any]:
 
 
 def is_clean(summary: Mapping[str, Any]) -> bool:
-    """Whether no run failed, nothing was hit and the safety margin was kept."""
-    return not any(summary[key] for key in ("failed_runs", "collisions", "margin_violations", "hit_standing"))
+    """Whether no run failed, no robot collided, and the safety margin was kept wherever it is promised."""
+    return not any(summary[key] for key in ("failed_runs", "collisions", "margin_violations"))
 
 
 def _least(robots: Iterable[Mapping[str, Any]], key: str) -> float | None:
