@@ -14,6 +14,7 @@ from snnav_core.area.fusion import AreaFusion
 from snnav_core.navigator import search
 from snnav_core.navigator.context import AreaContext
 from snnav_core.navigator.ground import GroundNavigator
+from snnav_core.navigator.yielding import Yielding
 from snnav_core.planning import adjustment, certificate, separation
 from snnav_core.types import FloatArray
 from snnav_sim.scene import find_scene, load_scene
@@ -25,8 +26,9 @@ LIMITED = 100  # robots; the limit is the sampling interval
 PROFILED = 30  # decisions more, in which parts are timed
 PARTS = {
     "rest": [(GroundNavigator, "step")],
-    "area": [(AreaFusion, "add_scan"), (AreaFusion, "area"), (AreaContext, "region")],
-    "search": [(search, "find_route"), (search, "route_candidates")],
+    "area": [(AreaFusion, "add_scan"), (AreaFusion, "area")],
+    "who makes room": [(Yielding, "update")],
+    "search": [(search, "find_route"), (search, "route_candidates"), (AreaContext, "region")],
     "adjust": [(adjustment, "adjust")],
     "certificate": [(certificate, "certify")],
     "separation": [(separation, "separation")],
