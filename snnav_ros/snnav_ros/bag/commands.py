@@ -183,9 +183,11 @@ def _add_replay(subparsers: argparse._SubParsersAction[argparse.ArgumentParser])
             default=suppress,
             help=text,
         )
-    parser.add_argument(
+    then = parser.add_mutually_exclusive_group()
+    then.add_argument(
         "--to-and-fro", action="store_true", help="turn back at the goal, until the recording ends"
     )
+    then.add_argument("--stay", action="store_true", help="stand at the goal until the recording ends")
     for flag, name, text in (
         ("--radius", "radius", "of the robots [m]"),
         ("--speed", "speed", "of the robots [m/s]"),

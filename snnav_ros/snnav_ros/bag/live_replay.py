@@ -134,13 +134,13 @@ class LiveReplay:
         return round(self._tick * self.settings.control_period, 9)
 
     def run(self, progress: Progress | None = None) -> ReplayRecord:
-        """Run until all robots have arrived (unless they go to and fro) or the recording is over."""
-        run = self.record.run
+        """Run until all robots have arrived (unless they go to and fro, or stay) or the recording is over."""
+        run, whole = self.record.run, self.settings.to_and_fro or self.settings.stay
         while not run.reason:
             self._decide()
             if progress is not None:
                 progress(self.time, run)
-            if not self.settings.to_and_fro and all(self.record.arrivals.values()):
+            if not whole and all(self.record.arrivals.values()):
                 run.reason = "all robots arrived"
             for _ in range(self.settings.ticks_per_sample):
                 self._move()

@@ -65,6 +65,8 @@ class ReplaySettings:
         Of every robot.
     to_and_fro : bool
         Whether a robot that arrives turns back to where it started, until the recording is over.
+    stay : bool
+        Whether the replay goes on to the end of the recording when all robots stand at their goals.
 
     Raises
     ------
@@ -81,6 +83,7 @@ class ReplaySettings:
     speed: float = 1.5
     max_turn_rate: float = 3.0
     to_and_fro: bool = False
+    stay: bool = False
 
     def __post_init__(self) -> None:
         ratio = self.sampling_interval / self.control_period

@@ -133,8 +133,8 @@ def run_core(recording: Recording, sensors: Path, robot: str = START, **settings
 def test_it_crosses_the_way_of_a_walker(
     hall: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = tmp_path / "out"
-    assert replayed(hall / "bag", out) == 0
+    out, bag = tmp_path / "out", record_hall(tmp_path / "bag", 14.0)  # it lets the walker pass more than once
+    assert replayed(bag, out, sensors=hall / "sensors.json") == 0
     told = capsys.readouterr()
     assert "all robots arrived" in told.out
     assert f"run directory: {out}" in told.out
@@ -197,6 +197,34 @@ def test_two_robots_go_to_and_fro(hall: Path, tmp_path: Path) -> None:
     assert near["returns_in_disk_moving"] == far["returns_in_disk_moving"] == 0
     assert near["least_separation"] == pytest.approx(far["least_separation"])
     assert near["least_separation"] > 0.25
+
+
+def test_a_robot_that_stays_is_judged_at_its_goal_to_the_end(hall: Path, tmp_path: Path) -> None:
+    """The goal is where the walker comes by: whoever stands there is walked over, whoever is gone is not."""
+    robots = ("--robot", "1.2,2.5,0", "--goal", "3.6,2.5", "--radius", "0.25")
+    found = {}
+    for name, more in (("gone", ()), ("stays", ("--stay",))):
+        assert replayed(hall / "bag", tmp_path / name, *robots, *more) == 0
+        found[name] = json.loads((tmp_path / name / "metrics.json").read_text())
+    gone, stays = (found[name]["robots"]["robot_1"] for name in ("gone", "stays"))
+    assert found["gone"]["reason"] == "all robots arrived"
+    assert found["stays"]["reason"] == "the recording is over"
+    assert found["stays"]["duration"] > 8.8 > found["gone"]["duration"]
+    assert stays["arrivals"] == gone["arrivals"] == 1
+    assert stays["arrival_time"] == gone["arrival_time"]
+    assert stays["reason"] == "arrived"
+    assert stays["returns_in_disk_moving"] == 0
+    assert stays["returns_in_disk_standing"] > gone["returns_in_disk_standing"] == 0
+
+
+def test_to_and_fro_and_staying_exclude_each_other(
+    hall: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as error:
+        replayed(hall / "bag", tmp_path / "out", "--to-and-fro", "--stay")
+    assert error.value.code == 2
+    assert "not allowed with" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 def test_coordinates_may_be_negative(hall: Path, tmp_path: Path) -> None:
