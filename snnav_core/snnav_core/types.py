@@ -303,10 +303,16 @@ class HeardPath:
         Its last certified path; None when it was stopped.
     valid_until : float
         Time up to which it follows the path [s]; after it the robot stands.
+    stop : StopReason or None
+        Why it got no path at the instant before this one; None if it got one.
+    answers : bool
+        Whether the other navigator is at work, so that it can be expected to let the robot make room.
     """
 
     path: TimedPath | None
     valid_until: float = -math.inf
+    stop: StopReason | None = None
+    answers: bool = True
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from snnav_core.navigator.context import AreaContext, aged
 from snnav_core.navigator.crowd import possible_paths
 from snnav_core.navigator.explain import Explainer
 from snnav_core.navigator.forecast import Trend
+from snnav_core.navigator.parties import last_decisions, party_of
 from snnav_core.navigator.plans import shortened
 from snnav_core.navigator.prediction import (
     TIME_TOLERANCE,
@@ -28,7 +29,6 @@ from snnav_core.navigator.prediction import (
 from snnav_core.navigator.right_of_way import RightOfWay
 from snnav_core.navigator.robot_planner import RobotMemory, plan_robot
 from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
-from snnav_core.navigator.ways import Party
 from snnav_core.planning.separation import OtherRobot, separation
 from snnav_core.types import (
     HeardPath,
@@ -114,6 +114,7 @@ class GroundNavigator:
         self._trend = Trend(self.settings)
         self._changed = True
         self._heard: dict[str, HeardPath] = {}
+        self._decisions: dict[str, PlannedPath | Stop] = {}
         self._goals: Mapping[str, tuple[float, float]] = {}
         self._cast: dict[tuple[str, float], tuple[tuple[object, ...], list[OtherRobot]]] = {}
         self._time = -math.inf
@@ -178,18 +179,16 @@ class GroundNavigator:
         self._hear(heard, goals)
         self._before = dict(self._memory)
         self._cast.clear()
-        served = self.served
-        self._right_of_way.update(self._area_context, self._parties(time, states, goals), goals)
         decided: dict[str, PlannedPath | Stop] = {}
-        first = [name for name in self._right_of_way.sequence() if name in served]
-        for name in first + [name for name in served if name not in first]:
+        for name in self._rank(time, states, goals):
             others = self._others(name, time, decided)
             decided[name] = self._decide(self.robots[name], time, states.get(name), goals.get(name), others)
         stop_foreign = self._settle(time, decided)
-        decisions = {name: decided[name] for name in served}
+        self._decisions = decisions = {name: decided[name] for name in self.served}
         for name, decision in decisions.items():
             self._remember(name, decision)
-        self._right_of_way.note(decisions)
+        if self._serves is None:
+            self._right_of_way.note(decisions)
         return StepResult(time, decisions, stop_foreign)
 
     @property
@@ -197,32 +196,24 @@ class GroundNavigator:
         assert self._context is not None
         return self._context
 
-    def _parties(
+    def _rank(
         self, time: float, states: Mapping[str, RobotState], goals: Mapping[str, tuple[float, float]]
-    ) -> dict[str, Party]:
-        """All robots whose pose is known now, as others have to reckon with them."""
+    ) -> list[str]:
+        """Settle who makes room; return the robots that are served here in the order in which they are decided."""
+        interval, shared, served = self.settings.sampling_interval, self._serves is not None, self.served
+        if shared:
+            self._right_of_way.note(last_decisions(self._decisions, self._heard))
         parties = {}
-        served = set(self.served)
         for name, robot in self.robots.items():
-            state, memory = states.get(name), self._memory.get(name)
-            if state is None or state_fault(state, time, self.settings.sampling_interval):
-                continue
-            goal = goals.get(name)
-            if goal is not None and not all(math.isfinite(value) for value in goal):
-                goal = None
-            plan = None if memory is None else memory.plan
-            pose = predicted_pose(robot, state, plan, time)
-            parties[name] = Party(
-                robot,
-                self._distances[name],
-                pose,
-                None if goal is None else np.array(goal),
-                plan,
-                memory is not None and memory.goal == goal and not memory.evading,
-                memory is not None and memory.goal == goal and memory.arrived,
-                name in served,
-            )
-        return parties
+            state, memory, promise = states.get(name), self._memory.get(name), self._heard.get(name)
+            if state is not None and not state_fault(state, time, interval):
+                facts = (robot, self._distances[name], state, memory, goals.get(name), time, promise)
+                parties[name] = party_of(*facts, shared)
+        self._right_of_way.update(self._area_context, parties, goals)
+        for name in parties.keys() - set(served):
+            self._right_of_way.waits(name, parties[name].pose, self._distances[name].arrival)
+        first = [name for name in self._right_of_way.sequence() if name in served]
+        return first + [name for name in served if name not in first]
 
     def _hear(self, heard: Mapping[str, HeardPath], goals: Mapping[str, tuple[float, float]]) -> None:
         """Keep what others promised, and forget the paths of own robots that others stopped."""

@@ -5,14 +5,15 @@ from __future__ import annotations
 import time as clock
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Path
 
 from snnav_core.errors import InvalidInput
-from snnav_core.types import HeardPath, RobotState, Stop
-from snnav_ros.convert import Word, nanoseconds, word_from_message, word_to_message
+from snnav_core.types import HeardPath, RobotState, Stop, StopReason
+from snnav_ros.convert import Word, nanoseconds, verdict_from_message, word_from_message, word_to_message
 from snnav_ros.gate import GateRules, Order, PathGate
 from snnav_ros.nodes.base import ManagedNode
 from snnav_ros.nodes.node_time import now_of
@@ -22,6 +23,7 @@ __all__ = ["PLANNERS_TOPIC", "Fellows"]
 
 PLANNERS_TOPIC = "planners"
 _STATES_KEPT = 200  # of each robot
+_REASONS_KEPT = 4  # of each robot
 _STANDS = 0.02  # [m/s]; slower counts as standing
 
 
@@ -83,6 +85,7 @@ class Fellows:
         self._stopped: dict[str, int] = {}  # robots of this planner that others stopped, and when [ns]
         self._robots: dict[str, tuple[str, ...]] = {}  # whom each planner served when it was heard
         self._states: dict[str, deque[RobotState]] = {}
+        self._reasons: dict[str, dict[int, StopReason | None]] = {}  # by instant [ns]
         self._last = -1
         for gate in self._gates.values():
             gate.reset()
@@ -112,6 +115,7 @@ class Fellows:
             self._take(robot, gate.offer_path(message, self._now()))
 
         def on_certificate(message: Any) -> None:
+            self._note_reason(robot, message)
             self._take(robot, gate.offer_certificate(message, self._now()))
 
         self._endings[robot] = [
@@ -123,7 +127,7 @@ class Fellows:
         """Hear nothing of a robot any more; it left."""
         for end in self._endings.pop(robot, []):
             end()
-        for known in (self._gates, self._heard, self._halted, self._stopped, self._states):
+        for known in (self._gates, self._heard, self._halted, self._stopped, self._states, self._reasons):
             known.pop(robot, None)
 
     def missing(self, instant: int) -> list[str]:
@@ -145,7 +149,20 @@ class Fellows:
         return True
 
     def _has(self, robot: str, stamp: int) -> bool:
-        return robot not in self._gates or self._heard.get(robot, (-1,))[0] >= stamp
+        if robot not in self._gates:
+            return True
+        return self._heard.get(robot, (-1,))[0] >= stamp and self._gates[robot].verdict_stamp >= stamp
+
+    def _note_reason(self, robot: str, message: Any) -> None:
+        """Keep why a robot was stopped; what cannot be read is refused elsewhere."""
+        try:
+            verdict = verdict_from_message(message)
+        except InvalidInput:
+            return
+        reasons = self._reasons.setdefault(robot, {})
+        reasons[nanoseconds(verdict.stamp)] = None if verdict.stop is None else verdict.stop.reason
+        while len(reasons) > _REASONS_KEPT:
+            del reasons[min(reasons)]
 
     def give_up(self, instant: int, states: Mapping[str, RobotState]) -> list[str]:
         """Return the planners that must still be waited for, once an instant [ns] has been waited for long enough.
@@ -163,7 +180,7 @@ class Fellows:
             if name in self._words:
                 self._known[name] = self._words[name].life, self._words[name].issue
             for robot in robots:
-                self._heard[robot] = (instant, HeardPath(None))
+                self._heard[robot] = (instant, HeardPath(None, answers=False))
         return left
 
     def _robots_of(self, name: str) -> list[str]:
@@ -186,7 +203,10 @@ class Fellows:
 
     def promises(self) -> dict[str, HeardPath]:
         """Return what was promised for robots of other planners, and which of this one they stopped."""
-        heard = {robot: promise for robot, (_, promise) in self._heard.items()}
+        heard = {
+            robot: replace(promise, stop=self._reasons.get(robot, {}).get(self._last))
+            for robot, (_, promise) in self._heard.items()
+        }
         heard |= dict.fromkeys(self._stopped, HeardPath(None))
         self._stopped.clear()
         return heard
