@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -36,7 +37,9 @@ class _Robot:
     """What is known of one robot, and messages that wait for their partners."""
 
     begin: int
+    end: float
     stamp: int = -1
+    tracked: int = -1
     pose: Pose2D | None = None
     motion: VelocityCommand = field(default_factory=lambda: VelocityCommand(0.0, 0.0))
     commands: int = 0
@@ -73,19 +76,19 @@ class RunCollector:
         self.record = record
         self.messages = 0
         """How many came; a run is alive while this grows."""
-        self._scene = scene
         self._bag, self._lockstep, self._progress = bag, lockstep, progress
         self._words: dict[str, dict[int, Word]] = {name: {} for name in planners}
-        self._removed: dict[str, int] = {}  # when [ns]
-        self._order: list[str] = []
         planner = [f"planner {name}" for name in planners] or ["planner"]
         self._steps = {"fusion": record.fusion_seconds} | dict.fromkeys(planner, record.planner_seconds)
         self._control_ns = nanoseconds(scene.control_period)
-        begins = {robot.id: nanoseconds(scene.instant(robot.joins_at)) for robot in scene.robots}
-        self._robots = {name: _Robot(begin) for name, begin in begins.items()}
+        spans = {r.id: [scene.instant(when) for when in (r.joins_at, r.leaves_at)] for r in scene.robots}
+        self._robots = {
+            name: _Robot(nanoseconds(begin), nanoseconds(end) if math.isfinite(end) else math.inf)
+            for name, (begin, end) in spans.items()
+        }
+        self._order = sorted(self._robots, key=lambda name: self._robots[name].begin)
         self._latest: dict[str, int] = {sensor.id: -1 for sensor in scene.sensors}
         self._latest |= dict.fromkeys(("area", "grid", *self._steps), -1)
-        self._latest |= {f"tracker {robot.id}": -1 for robot in scene.robots}
         self._watch = EndWatch(scene)
         self._decided = -1
 
@@ -101,39 +104,39 @@ class RunCollector:
 
     def complete(self, tick: int, sampled: bool) -> bool:
         """Whether everything of a tick [ns] is there; at a sampling instant also scans, area and decisions."""
-        return not self.missing(tick, sampled)
+        return next(self._lacking(tick, sampled), None) is None
 
     def missing(self, tick: int, sampled: bool) -> list[str]:
         """Return what of a tick [ns] is not there yet."""
+        return list(self._lacking(tick, sampled))
+
+    def _lacking(self, tick: int, sampled: bool) -> Iterator[str]:
+        """Name what is not there yet; whether there is anything is known from the first."""
+        if sampled and self._decided < tick:
+            yield "paths and certificates"
         present = self._present(tick)
-        names = [f"{name}/odom" for name in present if self._robots[name].stamp < tick]
         for name in present:
             robot = self._robots[name]
+            if robot.stamp < tick:
+                yield f"{name}/odom"
             if robot.begin + (robot.commands - 1) * self._control_ns < tick:
-                names.append(f"{name}/cmd_vel")
+                yield f"{name}/cmd_vel"
+            if sampled and robot.tracked < tick:
+                yield f"tracker {name}"
         if sampled:
-            absent = {f"tracker {name}" for name in self._robots if name not in present}
-            names += [key for key, stamp in self._latest.items() if stamp < tick and key not in absent]
-            names += [] if self._decided >= tick else ["paths and certificates"]
-        return names
+            yield from (key for key, stamp in self._latest.items() if stamp < tick)
 
     def _present(self, tick: int) -> list[str]:
         """Ids of the robots in the workspace at a tick [ns], those that joined later last."""
-        there = [
-            robot.id
-            for robot in self._scene.robots
-            if self._removed.get(robot.id, tick + 1) > tick and self._scene.is_present(robot, seconds(tick))
-        ]
-        self._order = [name for name in self._order if name in there]
-        self._order += [name for name in there if name not in self._order]
-        return self._order
+        return [name for name in self._order if self._robots[name].begin <= tick < self._robots[name].end]
 
     def take_announcement(self, topic: str, message: Any) -> None:
         """Take what a robot says of itself; one that leaves without the scene saying so is waited for no more."""
         announcement = announcement_from_message(message, topic)
         self.write(topic, message, announcement.stamp)
         if announcement.id in self._robots and announcement.spec is None:
-            self._removed[announcement.id] = announcement.stamp
+            robot = self._robots[announcement.id]
+            robot.end = min(robot.end, announcement.stamp)
 
     def take_word(self, topic: str, message: Any) -> None:
         """Take the word of a planner, which says whom it stopped besides."""
@@ -171,7 +174,10 @@ class RunCollector:
         stamp = nanoseconds_from_stamp(message.header.stamp)
         self.write(topic, message, stamp)
         for status in message.status:
-            if status.name in self._latest:
+            kind, _, name = status.name.partition(" ")
+            if kind == "tracker" and name in self._robots:
+                self._robots[name].tracked = max(self._robots[name].tracked, stamp)
+            elif status.name in self._latest:
                 self._latest[status.name] = max(self._latest[status.name], stamp)
             if status.name in self._steps:
                 values = {pair.key: pair.value for pair in status.values}
