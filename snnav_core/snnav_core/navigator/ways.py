@@ -91,7 +91,7 @@ class Way:
 
     @cached_property
     def line(self) -> BaseGeometry:
-        """As a geometry [m, map]."""
+        """All of it as a geometry [m, map]."""
         return shapely.linestrings(self.points) if len(self.points) > 1 else shapely.points(self.points[0])
 
     def stretch(self, tick: int) -> tuple[int, int]:
@@ -110,6 +110,11 @@ class Meeting:
 
     first: int
     second: int
+
+    @property
+    def tick(self) -> int:
+        """When both are there."""
+        return max(self.first, self.second)
 
 
 class Ways:
@@ -203,17 +208,50 @@ class Ways:
         """
         (one, way), (other, against) = first, second
         need, shift = self.need(one, other), max(0, round(slack / _TICK))
-        distances = np.linalg.norm(way.points[:, None] - against.points[None], axis=2)
-        ticks = np.abs(np.subtract.outer(np.arange(len(way)), np.arange(len(against)))) <= shift
-        opposed = way.directions @ against.directions.T < _FOLLOWS
-        found = (distances < need) & ticks & opposed
-        if not anywhere:
-            found &= way.narrow[:, None] | against.narrow[None]
-        if not found.any():
-            return None
-        rows, columns = np.nonzero(found)
-        index = int(np.argmin(np.maximum(rows, columns)))
-        return Meeting(int(rows[index]), int(columns[index]))
+        best: Meeting | None = None
+        for late in sorted(range(-shift, shift + 1), key=abs):
+            begin, start = max(0, -late), max(0, late)
+            count = min(len(way) - begin, len(against) - start)
+            if count <= 0:
+                continue
+            mine, theirs = slice(begin, begin + count), slice(start, start + count)
+            found = np.linalg.norm(way.points[mine] - against.points[theirs], axis=1) < need
+            along = np.einsum("ij,ij->i", way.directions[mine], against.directions[theirs])
+            found &= along < _FOLLOWS
+            if not anywhere:
+                found &= way.narrow[mine] | against.narrow[theirs]
+            if found.any():
+                tick = int(np.argmax(found))
+                meeting = Meeting(begin + tick, start + tick)
+                if best is None or meeting.tick < best.tick:
+                    best = meeting
+        return best
+
+    def meetings(self, ways: Mapping[str, Way], slack: float) -> list[tuple[str, str, Meeting]]:
+        """All pairs of robots that meet where there is no room for both, in the order of `ways`."""
+        names = list(ways)
+        if len(names) < 2:
+            return []
+        longest = max(len(way) for way in ways.values())
+        points = np.array(
+            [np.pad(way.points, ((0, longest - len(way)), (0, 0)), mode="edge") for way in ways.values()]
+        )
+        narrow = np.array([way.narrow.any() for way in ways.values()])
+        reach = slack * np.array([self.parties[name].robot.speed for name in names])
+        largest = max(self.need(name, name) for name in names)
+        found = []
+        for index, first in enumerate(names[:-1]):
+            rest = np.arange(index + 1, len(names))
+            rest = rest[narrow[index] | narrow[index + 1 :]]
+            near = np.linalg.norm(points[rest] - points[index], axis=2) < (
+                largest + np.maximum(reach[index], reach[rest])[:, None]
+            )
+            for other in rest[near.any(axis=1)]:
+                second = names[int(other)]
+                meeting = self.meeting((first, ways[first]), (second, ways[second]), slack)
+                if meeting is not None:
+                    found.append((first, second, meeting))
+        return found
 
 
 def _ahead(points: FloatArray, position: FloatArray) -> FloatArray:

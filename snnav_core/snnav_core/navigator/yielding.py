@@ -147,19 +147,9 @@ class Yielding:
             way = self._ways.to_goal(name)
             if way is not None:
                 ways[name] = way
-        going = list(ways)
-        for index, first in enumerate(going):
-            for second in going[index + 1 :]:
-                if first in self.orders or second in self.orders:
-                    continue
-                one, other = ways[first], ways[second]
-                if not (one.narrow.any() or other.narrow.any()):
-                    continue
-                if shapely.distance(one.line, other.line) > self._ways.need(first, second):
-                    continue
-                meeting = self._ways.meeting((first, one), (second, other), _LATE)
-                if meeting is not None:
-                    self._give_way(first, one, meeting.first, second, other, meeting.second)
+        for first, second, meeting in self._ways.meetings(ways, _LATE):
+            if first not in self.orders and second not in self.orders:
+                self._give_way(first, ways[first], meeting.first, second, ways[second], meeting.second)
 
     def _give_way(self, first: str, one: Way, here: int, second: str, other: Way, there: int) -> None:
         """Ask one of two who will meet to wait; `first` has precedence."""
