@@ -9,17 +9,18 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from snnav_core.area.planar import as_multipolygon
+from snnav_core.area.planar import as_multipolygon, component_at
 from snnav_core.navigator.context import AreaContext, Disks
 from snnav_core.navigator.settings import RobotDistances
 from snnav_core.planning.shortest import GoalTree
 from snnav_core.types import FloatArray
 
-__all__ = ["Claim", "Place", "nearest_place"]
+__all__ = ["Claim", "Place", "PlaceSearch"]
 
 _REACH = 15.0  # [m]; places farther away are not looked at
 _SPACING = 0.5  # [m] between places that are looked at
 _MOST = 60  # places to which ways are sought
+_LOCKED_IN = 20.0  # [m] of detour that are worth having a way on afterwards
 _HAIR = 0.01  # [m] inside of the region
 _IN_THE_WAY = (
     4.0  # [m] of detour that are worth keeping out of somebody's way, or not having to push somebody aside
@@ -42,15 +43,8 @@ class Place:
     cost: float
 
 
-def nearest_place(
-    context: AreaContext,
-    start: FloatArray,
-    distances: RobotDistances,
-    fixed: Disks,
-    claims: Sequence[Claim],
-    avoid: Sequence[Claim],
-) -> Place | None:
-    """The nearest place off all claims that can be reached; None without any.
+class PlaceSearch:
+    """Looks for a place where one robot can wait.
 
     Parameters
     ----------
@@ -59,23 +53,77 @@ def nearest_place(
         Where the robot is [m, map].
     distances : RobotDistances
         Of the robot.
-    fixed : Disks
-        Robots that cannot be driven through on the way there.
-    claims : sequence of Claim
-        Where it must not stand.
-    avoid : sequence of Claim
-        Where it should not stand, or drive through, when there is something else nearby.
+    goal : ndarray, shape (2,)
+        Where it wants to go afterwards [m, map].
     """
-    for distance in (float(distances.demanded()[-1]), 1.012 * distances.tightest + _HAIR):
-        free: BaseGeometry = context.region(distance, ())
-        free = shapely.clip_by_rect(free, *(start - _REACH), *(start + _REACH))
-        taken = [claim.line.buffer(claim.distance) for claim in claims]
-        taken += [shapely.Point(x, y).buffer(radius) for x, y, radius in fixed]
-        free = shapely.difference(free, shapely.union_all(taken)) if taken else free
-        found = _cheapest(context, start, distances, fixed, avoid, _candidates(free, start))
-        if found is not None:
-            return found
-    return None
+
+    def __init__(
+        self, context: AreaContext, start: FloatArray, distances: RobotDistances, goal: FloatArray
+    ) -> None:
+        self._context, self._start, self._distances, self._goal = context, start, distances, goal
+
+    def nearest(
+        self, fixed: Disks, later: Disks, claims: Sequence[Claim], avoid: Sequence[Claim]
+    ) -> Place | None:
+        """The nearest place off all claims that can be reached; None without any.
+
+        Parameters
+        ----------
+        fixed : Disks
+            Robots that cannot be driven through on the way there.
+        later : Disks
+            Where those that pass will stand then: a place from where they leave no way to the goal is a poor one.
+        claims : sequence of Claim
+            Where it must not stand.
+        avoid : sequence of Claim
+            Where it should not stand, or drive through, when there is something else nearby.
+        """
+        distances = self._distances
+        for distance in (float(distances.demanded()[-1]), 1.012 * distances.tightest + _HAIR):
+            free: BaseGeometry = self._context.region(distance, ())
+            free = shapely.clip_by_rect(free, *(self._start - _REACH), *(self._start + _REACH))
+            taken = [claim.line.buffer(claim.distance) for claim in claims]
+            taken += [shapely.Point(x, y).buffer(radius) for x, y, radius in fixed]
+            free = shapely.difference(free, shapely.union_all(taken)) if taken else free
+            found = self._cheapest(_candidates(free, self._start), fixed, later, avoid)
+            if found is not None:
+                return found
+        return None
+
+    def _cheapest(
+        self, candidates: FloatArray, fixed: Disks, later: Disks, avoid: Sequence[Claim]
+    ) -> Place | None:
+        context, start, distances = self._context, self._start, self._distances
+        inside = context.nearest_inside(start, 1.012 * distances.tightest, fixed)
+        if inside is None or len(candidates) == 0:
+            return None
+        curves = context.curves(distances.tightest, fixed, inside)
+        if curves is None:
+            return None
+        open_again = component_at(context.region(distances.tightest, later), self._goal)
+        tree = GoalTree(curves, inside)
+        best: Place | None = None
+        tried = 0
+        for point in candidates:
+            straight = float(np.linalg.norm(point - start))
+            if tried >= _MOST or (best is not None and straight >= best.cost):
+                break
+            if not curves.covers(point):
+                continue
+            tried += 1
+            chain = tree.from_point(point)
+            if chain is None:
+                continue
+            chain = np.vstack((chain, start))
+            length = float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum())
+            if best is not None and length >= best.cost:
+                continue
+            cost = length + _IN_THE_WAY * _touched(point, chain, avoid)
+            if open_again is not None and not shapely.intersects_xy(open_again, *point):
+                cost += _LOCKED_IN
+            if best is None or cost < best.cost:
+                best = Place(point, cost)
+        return best
 
 
 def _candidates(free: BaseGeometry, start: FloatArray) -> FloatArray:
@@ -93,45 +141,6 @@ def _candidates(free: BaseGeometry, start: FloatArray) -> FloatArray:
     points.append(grid[shapely.contains_xy(inner, grid[:, 0], grid[:, 1])])
     found = np.concatenate(points)
     return found[np.argsort(np.linalg.norm(found - start, axis=1), kind="stable")]
-
-
-def _cheapest(
-    context: AreaContext,
-    start: FloatArray,
-    distances: RobotDistances,
-    fixed: Disks,
-    avoid: Sequence[Claim],
-    candidates: FloatArray,
-) -> Place | None:
-    if len(candidates) == 0:
-        return None
-    inside = context.nearest_inside(start, 1.012 * distances.tightest, fixed)
-    if inside is None:
-        return None
-    curves = context.curves(distances.tightest, fixed, inside)
-    if curves is None:
-        return None
-    tree = GoalTree(curves, inside)
-    best: Place | None = None
-    tried = 0
-    for point in candidates:
-        straight = float(np.linalg.norm(point - start))
-        if tried >= _MOST or (best is not None and straight >= best.cost):
-            break
-        if not curves.covers(point):
-            continue
-        tried += 1
-        chain = tree.from_point(point)
-        if chain is None:
-            continue
-        chain = np.vstack((chain, start))
-        length = float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum())
-        if best is not None and length >= best.cost:
-            continue
-        cost = length + _IN_THE_WAY * _touched(point, chain, avoid)
-        if best is None or cost < best.cost:
-            best = Place(point, cost)
-    return best
 
 
 def _touched(point: FloatArray, chain: FloatArray, avoid: Sequence[Claim]) -> int:

@@ -17,9 +17,10 @@ from snnav_core.types import PathSource, PlannedPath, Pose2D, Stop, StopReason
 
 __all__ = ["RightOfWay"]
 
-_STILL = 0.02  # [m] and
-_STEADY = 0.05  # [rad] that a robot moves less in a decision when it is stuck
-_STUCK = 6  # decisions in a row without moving, whatever is said of it, that count as blocked
+_STILL = 0.02  # [m] that a robot moves less in a decision when it stands
+_STUCK = (
+    4  # decisions in a row without moving, besides those for a whole turn, after which it counts as blocked
+)
 
 
 class RightOfWay:
@@ -66,31 +67,28 @@ class RightOfWay:
         )
         for name, party in parties.items():
             self.precedence.add(name)
-            self._watch(name, party.pose)
+            self._watch(name, party)
             if self._goals.get(name) != goals.get(name):
                 self._yielding.forget(name)
         self._goals = dict(goals)
         if len(parties) < 2 or context.area.is_empty:
             return
         blocked = {
-            name: max(self.precedence.blocked(name), self._still.get(name, 0) - _STUCK)
+            name: max(self.precedence.blocked(name), self._still[name])
             for name, party in parties.items()
             if party.goal is not None and not party.arrived and not self._yielding.rests(name)
         }
         self._yielding.update(Ways(context, self._settings, parties), self.precedence, blocked)
 
-    def _watch(self, name: str, pose: Pose2D) -> None:
-        """Count for how many decisions a robot has not moved."""
-        last = self._poses.get(name)
+    def _watch(self, name: str, party: Party) -> None:
+        """Count for how many decisions a robot has not moved, beyond what a turn on the spot takes."""
+        last, pose = self._poses.get(name), party.pose
         self._poses[name] = pose
-        if (
-            last is not None
-            and math.dist((last.x, last.y), (pose.x, pose.y)) < _STILL
-            and abs(math.remainder(last.heading - pose.heading, 2.0 * math.pi)) < _STEADY
-        ):
-            self._still[name] = self._still.get(name, 0) + 1
+        if last is None or math.dist((last.x, last.y), (pose.x, pose.y)) >= _STILL:
+            turn = 2.0 * math.pi / party.robot.max_turn_rate / self._settings.sampling_interval
+            self._still[name] = -_STUCK - math.ceil(turn)
         else:
-            self._still[name] = 0
+            self._still[name] += 1
 
     def sequence(self) -> list[str]:
         """All robots that were heard of, in the order in which they are decided."""

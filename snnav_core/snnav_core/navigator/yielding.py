@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from snnav_core.navigator.places import Claim, nearest_place
+from snnav_core.navigator.places import Claim, Place, PlaceSearch
 from snnav_core.navigator.precedence import Precedence
 from snnav_core.navigator.ways import Party, Way, Ways
 from snnav_core.types import FloatArray
@@ -20,7 +20,7 @@ _LATE = 1.0  # [s] that a robot may be later than its way says when one is asked
 _PASSED = 3.0  # [s] that it may be later before one that waits goes on
 _SLACK = 0.05  # [m] that a place to wait is farther from a way than it must be, beyond how exact arrival is
 _SOONER = 4  # ticks; who is so much sooner at a narrow place goes first, else who has precedence
-_BEYOND = 12  # ticks after a narrow place that belong to the claim as well
+_PREFERRED = 3.0  # [m] of detour that are worth keeping precedence
 _BLOCKED = 2  # decisions in a row after which a blocked robot makes others move
 _RETRY = 6  # decisions after which somebody who found no place looks again
 _ATTEMPTS = 3  # places farther and farther off the claim
@@ -153,8 +153,8 @@ class Yielding:
 
     def _give_way(self, first: str, one: Way, here: int, second: str, other: Way, there: int) -> None:
         """Ask one of two who will meet to wait; `first` has precedence."""
-        begin, end = one.stretch(here)
-        start, finish = other.stretch(there)
+        begin, _ = one.stretch(here)
+        start, _ = other.stretch(there)
         inside_first = begin == 0 and bool(one.narrow[0])
         inside_second = start == 0 and bool(other.narrow[0])
         if inside_second and not inside_first:
@@ -163,29 +163,27 @@ class Yielding:
             later = (second, first)
         else:
             later = (first, second) if start + _SOONER < begin else (second, first)
-        for name in later:
-            if name == first:
-                place = self._wait_on_way(first, one, begin, second, other, finish)
-            else:
-                place = self._wait_on_way(second, other, start, first, one, end)
-            if place is not None:
-                self.orders[name] = Order((first if name == second else second,), place, anywhere=False)
-                return
-        for name in later:
+        options = []
+        for rank, name in enumerate(later):
             whom = first if name == second else second
-            if self._ask(name, whom, anywhere=False):
-                return
+            way, entry, against = (one, begin, other) if name == first else (other, start, one)
+            place = self._wait_on_way(name, way, entry, whom, against.points)
+            found = Place(place, 0.0) if place is not None else self._place(name, (whom,))
+            if found is not None:
+                options.append((found.cost + rank * _PREFERRED, rank, name, whom, found.point))
+        if options:
+            _, _, name, whom, place = min(options, key=lambda option: option[:2])
+            self.orders[name] = Order((whom,), place, anywhere=False)
 
     def _wait_on_way(
-        self, name: str, way: Way, entry: int, whom: str, against: Way, leaves: int
+        self, name: str, way: Way, entry: int, whom: str, against: FloatArray
     ) -> FloatArray | None:
         """The last point of a way before it enters what another one needs, (2,) [m, map]; None without any."""
         party = self._ways.parties[name]
-        if not self._ways.parties[name].served:
+        if not party.served:
             return None
         need = self._ways.need(name, whom) + party.distances.arrival + _SLACK
-        needed = against.points[: leaves + _BEYOND + 1]
-        gaps = np.linalg.norm(way.points[: entry + 1, None] - needed[None], axis=2).min(axis=1)
+        gaps = np.linalg.norm(way.points[: entry + 1, None] - against[None], axis=2).min(axis=1)
         taken = np.flatnonzero(gaps < need)
         last = int(taken[0]) - 1 if len(taken) else entry
         clearance = self._ways.context.area.clearance(way.points[: last + 1])
@@ -288,16 +286,20 @@ class Yielding:
         asking = [whom, *(self.orders[whom].whom if whom in self.orders else ())]
         asking += list(order.whom) if order is not None else []
         everybody = tuple(dict.fromkeys(other for other in asking if other != name))
-        place = self._place(name, everybody, (party.distances.arrival + _SLACK) * (1 + attempt))
+        place = self._place(name, everybody, 1 + attempt)
         if place is None:
             self._refused[name, whom] = _RETRY
             return False
-        self.orders[name] = Order(everybody, place, anywhere, attempt=attempt)
+        self.orders[name] = Order(everybody, place.point, anywhere, attempt=attempt)
         return True
 
-    def _place(self, name: str, whom: tuple[str, ...], slack: float) -> FloatArray | None:
+    def _place(self, name: str, whom: tuple[str, ...], farther: int = 1) -> Place | None:
+        """The nearest place off the ways of others."""
         ways, party = self._ways, self._ways.parties[name]
-        claims, avoid, fixed = [], [], []
+        if not party.served:
+            return None
+        slack = farther * (party.distances.arrival + _SLACK)
+        claims, avoid, fixed, later = [], [], [], []
         for other, another in ways.parties.items():
             if other == name:
                 continue
@@ -306,6 +308,8 @@ class Yielding:
             way = self._next(other)
             if other in whom:
                 claims.append(Claim(spot if way is None else way.line, need + slack))
+                if another.goal is not None and not self._wants_same(name, other):
+                    later.append((*another.goal.tolist(), need))
             elif other in self.orders:
                 claims.append(Claim(shapely.points(self.orders[other].place), need + slack))
             elif way is not None and not another.arrived:
@@ -315,8 +319,8 @@ class Yielding:
                 fixed.append((*another.position.tolist(), min(need, 0.98 * gap - 1e-3)))
             else:
                 avoid.append(Claim(spot, need))
-        found = nearest_place(ways.context, party.position, party.distances, tuple(fixed), claims, avoid)
-        return None if found is None else found.point
+        search = PlaceSearch(ways.context, party.position, party.distances, _goal(party))
+        return search.nearest(tuple(fixed), tuple(later), claims, avoid)
 
     def _wants_same(self, name: str, whom: str) -> bool:
         """Whether two robots cannot both be at their goals."""
