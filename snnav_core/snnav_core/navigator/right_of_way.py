@@ -39,6 +39,7 @@ class RightOfWay:
         self._still: dict[str, int] = {}
         self._goals: dict[str, tuple[float, float]] = {}
         self._near = 0.0
+        self._hindered: set[str] = set()
 
     def remove(self, name: str) -> None:
         """Forget a robot."""
@@ -71,12 +72,12 @@ class RightOfWay:
             if self._goals.get(name) != goals.get(name):
                 self._yielding.forget(name)
         self._goals = dict(goals)
-        if len(parties) < 2 or context.area.is_empty:
+        if context.area.is_empty:
             return
         blocked = {
             name: max(self.precedence.blocked(name), self._still[name])
-            for name, party in parties.items()
-            if party.goal is not None and not party.arrived and not self._yielding.rests(name)
+            for name in parties
+            if name in self._hindered and not self._yielding.rests(name)
         }
         self._yielding.update(Ways(context, self._settings, parties), self.precedence, blocked)
 
@@ -133,7 +134,13 @@ class RightOfWay:
         return decision
 
     def note(self, decisions: Mapping[str, PlannedPath | Stop]) -> None:
-        """Remember who is blocked by others."""
+        """Remember who is blocked by others, or may be."""
+        hindering = (StopReason.BLOCKED_BY_ROBOT, StopReason.NO_PATH)
+        self._hindered = {
+            name
+            for name, decision in decisions.items()
+            if isinstance(decision, PlannedPath) or decision.reason in hindering
+        }
         self.precedence.note(
             {
                 name: isinstance(decision, Stop) and self._by_robot(decision)

@@ -243,8 +243,11 @@ class Yielding:
         return order.whom[0] if order is not None and order.reached else None
 
     def _stands(self, name: str) -> bool:
+        """Whether a robot does not want to move, or has no way to its goal."""
         party = self._ways.parties[name]
-        return party.goal is None or (party.arrived and name not in self.orders)
+        if party.goal is None or (party.arrived and name not in self.orders):
+            return True
+        return party.plan is None and self._ways.to_goal(name) is None
 
     def _blocker(self, name: str) -> str | None:
         """Who stands or drives first in the way of a robot."""
