@@ -53,6 +53,9 @@ RANGES: dict[str, tuple[float, float]] = {
     # counts
     "time_window": (1, 1000),
     "search_interval": _COUNT,
+    "searches_per_step": _COUNT,
+    "followed_steps": (0, 1_000),
+    "crowd": _COUNT,
     "max_adjusted": _COUNT,
     "expected_beams": (2, 1_000_000),
     "cold_passes": _COUNT,

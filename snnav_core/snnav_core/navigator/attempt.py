@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from snnav_core.navigator.context import AreaContext
-from snnav_core.navigator.crowd import Crowd
+from snnav_core.navigator.crowd import Crowd, Turns
 from snnav_core.navigator.forecast import Forecast
 from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
 from snnav_core.planning.adjustment import adjust, resample
@@ -68,6 +68,8 @@ class Attempt:
     """The area of the step before, when it was another one."""
     forecast: Forecast | None = None
     """What comes nearer, where that looks farther ahead than the window."""
+    turns: Turns = field(default_factory=lambda: Turns(1))
+    """Who seeks new ways in this step."""
 
     def __post_init__(self) -> None:
         crowd = self.others
@@ -150,6 +152,11 @@ class Attempt:
             else min(self.time + window, plan.path.end_time)
         )
         return plan.certificate.accepted and plan.certificate.valid_until >= whole - 1e-6
+
+    def is_lasting(self, plan: PlannedPath) -> bool:
+        """Whether a plan is certified for two sampling intervals at least, or to its end."""
+        soon = self.time + 2.0 * self.settings.sampling_interval
+        return plan.certificate.valid_until >= min(soon, plan.path.end_time) - 1e-6
 
     def is_whole(self, plan: PlannedPath) -> bool:
         """Whether a plan is certified for the whole time window, standing at its end included."""

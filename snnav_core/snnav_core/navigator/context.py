@@ -30,7 +30,8 @@ _NARROW_SHARE, _WIDE_SHARE = 0.00125, 0.01  # of the distance: below 1 m passage
 
 _TIME_TOLERANCE = 1e-6  # [s]
 
-_MOST_KEPT = 64  # sets of standing robots, and targets, that are remembered
+_MOST_KEPT = 128  # sets of standing robots that are remembered
+_MOST_TARGETS = 1024
 
 Disks = tuple[tuple[float, float, float], ...]
 """Disks of standing robots: x, y, radius [m, map]; a hashable value."""
@@ -117,7 +118,7 @@ class AreaContext:
         """Shortest distances to the target (2,) [m, map] over the curves."""
         key = (curves, float(target[0]), float(target[1]))
         if key not in self._trees:
-            if len(self._trees) >= _MOST_KEPT:
+            if len(self._trees) >= _MOST_TARGETS:
                 self._trees.clear()
             self._trees[key] = GoalTree(curves, target)
         return self._trees[key]

@@ -16,8 +16,9 @@ from snnav_core.planning.separation import OtherRobot, Traffic, stops_within
 from snnav_core.planning.separation_kernel import are_near, sample
 from snnav_core.types import FloatArray, HeardPath, Pose2D, RobotState, TimedPath
 
-__all__ = ["Crowd", "possible_paths"]
+__all__ = ["Crowd", "Turns", "possible_paths"]
 
+_LONGEST_WAIT = 3  # steps that a robot waits at most for its turn to seek a way
 _SLACK = 1.0  # [m]; farther than this an adjustment does not move a path
 
 
@@ -62,36 +63,39 @@ class Crowd(Traffic):
     def barriers(self, chain: FloatArray) -> list[DiskBarrier]:
         """What the points of a path keep away from when a chain (N, 2) [m, map] is adjusted.
 
-        Robots under way that can be met within the window, for so long; robots that stand near the chain; and for the
-        first interval the stops of those so near that they matter then.
+        Robots that will go on and can be met within the window, for so long; robots that stay near the chain; and for
+        the first interval the stops of those so near that they matter then.
 
-        Where robots under way will be beyond the window nobody knows. As obstacles there, they tore most ways through
-        a crowd apart.
+        Where robots that have somewhere to go will be beyond the window nobody knows. As obstacles there, they tore
+        most ways through a crowd apart.
         """
         if len(self) == 0:
             return []
         centres, demanded = self._disks
         link = 1.02 * self._distances.link
         ahead = are_near(centres[:, -1], demanded[:, -1] + _SLACK, np.ascontiguousarray(chain), link)
-        stand = [
-            DiskBarrier(centres[index], demanded[index]) for index in np.flatnonzero(self.stands & ahead)
-        ]
+        stand = [DiskBarrier(centres[index], demanded[index]) for index in np.flatnonzero(self._stay & ahead)]
         return stand + self._moving + self._stops
 
     @cached_property
+    def _stay(self) -> NDArray[np.bool_]:
+        """Which of them will not move again, shape (O,)."""
+        return np.asarray(self.stands & [other.parked for other in self])
+
+    @cached_property
     def _moving(self) -> list[DiskBarrier]:
-        """Robots under way that can be met within the window."""
+        """Robots with somewhere to go that can be met within the window."""
         centres, demanded = self._disks
-        met = self.gaps - self._own_reach - self._reach <= demanded.max(axis=1)
+        met = self.gaps - self.own_reach - self._reach <= demanded.max(axis=1)
         return [
             DiskBarrier(
                 np.vstack((centres[index], centres[index, -1:])), np.append(demanded[index], -math.inf)
             )
-            for index in np.flatnonzero(met & ~self.stands)
+            for index in np.flatnonzero(met & ~self._stay)
         ]
 
     @cached_property
-    def _own_reach(self) -> float:
+    def own_reach(self) -> float:
         """How far the robot comes within the window [m]."""
         distances = self._distances
         return distances.certificate.stretch * distances.link * distances.window_points
@@ -135,6 +139,28 @@ class Crowd(Traffic):
                 last = np.append(demanded, -math.inf)
                 barriers.append(DiskBarrier(np.vstack((centres, centres[-1:])), last))
         return barriers
+
+
+class Turns:
+    """Whose turn it is to seek new ways in a step: all at once, a hundred robots would take seconds.
+
+    Parameters
+    ----------
+    most : int
+        So many take turns first come, first served, in the order of decisions.
+
+    Notes
+    -----
+    It counts searches, not time: the outcome does not depend on the machine.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._left = most
+
+    def take(self, waited: int) -> bool:
+        """Whether a robot may seek now that was put off for so many steps; after three it may in any case."""
+        self._left -= 1
+        return self._left >= 0 or waited >= _LONGEST_WAIT
 
 
 def possible_paths(state: RobotState | None, promise: HeardPath, step: float, time: float) -> list[TimedPath]:

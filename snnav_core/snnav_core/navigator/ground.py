@@ -13,7 +13,7 @@ from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.errors import InvalidInput
 from snnav_core.navigator.attempt import Attempt
 from snnav_core.navigator.context import AreaContext, aged
-from snnav_core.navigator.crowd import possible_paths
+from snnav_core.navigator.crowd import Turns, possible_paths
 from snnav_core.navigator.explain import Explainer
 from snnav_core.navigator.forecast import Trend
 from snnav_core.navigator.parties import last_decisions, party_of
@@ -178,7 +178,7 @@ class GroundNavigator:
                 self._states[name] = state
         self._hear(heard, goals)
         self._before = dict(self._memory)
-        self._cast.clear()
+        self._cast, self._turns = {}, Turns(self.settings.searches_per_step)
         decided: dict[str, PlannedPath | Stop] = {}
         for name in self._rank(time, states, goals):
             others = self._others(name, time, decided)
@@ -266,7 +266,7 @@ class GroundNavigator:
     def _is_parked(self, name: str) -> bool:
         """Whether a robot that stands has no way to go."""
         memory = self._memory.get(name)
-        if memory is not None or name not in self._heard or name not in self._goals:
+        if memory is not None or name not in self._goals:
             return memory is None or memory.arrived
         state = self._states.get(name)
         left = math.inf if state is None else math.dist(self._goals[name], (state.pose.x, state.pose.y))
@@ -309,6 +309,7 @@ class GroundNavigator:
             distances.least,
             self._trend.previous,
             self._trend.forecast,
+            self._turns,
         )
         if context.area.is_empty:
             message = f"nothing is known to be free by the area stamped {context.area.stamp:.2f} s; check the sensors"

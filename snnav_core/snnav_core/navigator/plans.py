@@ -12,7 +12,10 @@ from snnav_core.navigator.search import Route, next_corner
 from snnav_core.planning.adjustment import resample
 from snnav_core.types import FloatArray, PathSource, PlannedPath, Stop, StopReason, TimedPath
 
-__all__ = ["best_profile", "better", "profiles", "shortened", "turn_and_leg", "turn_on"]
+__all__ = ["BY_ROBOT", "best_profile", "better", "profiles", "shortened", "turn_and_leg", "turn_on"]
+
+BY_ROBOT = " of robot "
+"""In the reasons of certificates that another robot is to blame for."""
 
 _ALIGNED = 0.02  # a turn by less than this [rad] brings nothing
 
@@ -35,6 +38,8 @@ def best_profile(attempt: Attempt, polyline: FloatArray, rotation: int, source: 
         best = better(best, plan)
         if attempt.is_full(plan):
             return plan
+        if BY_ROBOT in plan.certificate.reason:
+            break  # other distances to the boundary do not help
     assert plan is not None
     return best or plan
 

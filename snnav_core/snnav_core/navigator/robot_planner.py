@@ -6,14 +6,15 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
 
 from snnav_core.errors import GoalBlocked, GoalUnreachable, PlanningError, StartBlocked
 from snnav_core.navigator.attempt import Attempt
 from snnav_core.navigator.context import Disks
 from snnav_core.navigator.evasion import closes, evade, may_stand
 from snnav_core.navigator.foresight import weigh
-from snnav_core.navigator.plans import best_profile, better, profiles, turn_and_leg, turn_on
-from snnav_core.navigator.search import Route, find_route, route_candidates
+from snnav_core.navigator.plans import BY_ROBOT, best_profile, better, profiles, turn_and_leg, turn_on
+from snnav_core.navigator.search import Route, find_route, route_candidates, shortest_way
 from snnav_core.planning.adjustment import resample
 from snnav_core.types import (
     FloatArray,
@@ -26,8 +27,8 @@ from snnav_core.types import (
 
 __all__ = ["RobotMemory", "plan_robot"]
 
-_BY_ROBOT = " of robot "  # in the reasons of `separation`
 _PATIENCE = 15  # decisions that a robot gets no nearer to its target, and for which it is less choosy then
+_LONG = 1_000  # steps: a robot whose path ends soon, or that must not stay, does not wait for its turn
 _RETRY = 2  # a fruitless search is repeated every so many steps while things change
 _DETOUR = 1.2  # a path certified for a part of the window is left for one at most so much longer ...
 _LEAST_PATIENCE = 2  # ... unless fewer than so many sampling intervals are left
@@ -65,6 +66,10 @@ class RobotMemory:
         Decisions with a path to the target since one was shorter than ever before.
     hurry : int
         For so many decisions more the shortest certified path is taken, be its window short or something near it.
+    followed : int
+        Steps for which the last path has been followed without adjusting it again.
+    waited : int
+        Steps for which the robot has waited for its turn to seek a way.
     """
 
     goal: tuple[float, float]
@@ -78,6 +83,8 @@ class RobotMemory:
     shortest: float = math.inf
     stalled: int = 0
     hurry: int = 0
+    followed: int = 0
+    waited: int = 0
 
 
 def plan_robot(
@@ -145,7 +152,9 @@ def _to_target(
     """The best certified path towards the target, or why there is none."""
     if memory.plan is not None:
         attempt = replace(attempt, planning_distance=memory.plan.planning_distance)
-    best, memory = _warm(attempt, memory)
+    best, memory = _followed(attempt, memory)
+    if best is None:
+        best, memory = _warm(attempt, memory)
     if best is None or not attempt.is_full(best):
         best = better(best, _kept(attempt, memory))
     due = area_changed and memory.steps_since_search + 1 >= attempt.settings.search_interval
@@ -156,7 +165,10 @@ def _to_target(
         waited = memory.steps_since_search + 1
         if memory.failure[0] == situation or waited < _RETRY:
             return memory.failure[1], replace(memory, steps_since_search=waited)
-    memory = replace(memory, steps_since_search=0, failure=None)
+    can_wait = attempt.is_lasting(best) if best is not None else may_stand(attempt)
+    if not attempt.turns.take(memory.waited if can_wait else _LONG):
+        return best or _until_its_turn(attempt), replace(memory, waited=memory.waited + 1)
+    memory = replace(memory, steps_since_search=0, failure=None, waited=0)
     found = _search(attempt, best, memory)
     memory = replace(memory, target=found.target)
     decision = found.best
@@ -180,6 +192,22 @@ class _Search:
 def _situation(attempt: Attempt) -> tuple[object, ...]:
     others = tuple(other.path.points.tobytes() for other in attempt.others)
     return attempt.context.digest, attempt.pose, others
+
+
+def _until_its_turn(attempt: Attempt) -> Stop:
+    name = attempt.robot.id
+    message = f"robot {name} waits: its way is sought when that of others has been, within three steps"
+    return Stop(name, StopReason.NO_PATH, message)
+
+
+def _followed(attempt: Attempt, memory: RobotMemory) -> tuple[PlannedPath | None, RobotMemory]:
+    """In a crowd: the last path as it is, while it is certified for the whole window, for a few steps."""
+    settings = attempt.settings
+    if len(attempt.others) >= settings.crowd and memory.followed < settings.followed_steps:
+        plan = _kept(attempt, memory)
+        if plan is not None and attempt.is_full(plan):
+            return plan, replace(memory, followed=memory.followed + 1)
+    return None, replace(memory, followed=0)
 
 
 def _warm(attempt: Attempt, memory: RobotMemory) -> tuple[PlannedPath | None, RobotMemory]:
@@ -219,8 +247,8 @@ def _search(attempt: Attempt, best: PlannedPath | None, memory: RobotMemory) -> 
         plan = best_profile(attempt, candidate.polyline, candidate.rotation, candidate.source)
         if not plan.certificate.accepted:
             refusal = plan.certificate.reason
-            if _BY_ROBOT in refusal or not by_robot:  # a robot in the way is told before everything else
-                rejected, by_robot = refusal, _BY_ROBOT in refusal
+            if BY_ROBOT in refusal or not by_robot:  # a robot in the way is told before everything else
+                rejected, by_robot = refusal, BY_ROBOT in refusal
         elif best is None or _replaces(attempt, plan, best, memory.hurry > 0):
             best = plan
             if attempt.is_full(plan) or memory.hurry > 0:
@@ -231,16 +259,28 @@ def _search(attempt: Attempt, best: PlannedPath | None, memory: RobotMemory) -> 
 
 
 def _route(attempt: Attempt, goal: FloatArray) -> Route:
-    """Around all standing robots; where that is no way, around those that will not move again."""
-    disks = _standing(attempt, parked=False)
+    """Around robots that will not move again; around others that stand only where they are in the way soon.
+
+    So most robots of a step share the curves and the tangent graph of one reduced area.
+    """
+    parked, disks = _standing(attempt, parked=True), _standing(attempt, parked=False)
     arguments = (attempt.context, attempt.robot, attempt.pose, goal, attempt.distances, attempt.settings)
+    route = find_route(*arguments, parked)
+    here = attempt.pose.position
+    near = attempt.crowd.own_reach + attempt.distances.stride
+    passing = np.array(
+        [disk for disk in disks if disk not in parked and math.dist(disk[:2], here) - disk[2] <= near]
+    )
+    way = shortest_way(attempt.context, route, attempt.pose) if len(passing) else None
+    if way is None:
+        return route
+    centres, radii = shapely.points(passing[:, :2]), passing[:, 2]
+    if not shapely.dwithin(shapely.linestrings(way), centres, radii).any():
+        return route
     try:
         return find_route(*arguments, disks)
     except PlanningError:
-        parked = _standing(attempt, parked=True)
-        if parked == disks:
-            raise
-        return find_route(*arguments, parked)
+        return route
 
 
 def _replaces(attempt: Attempt, plan: PlannedPath, best: PlannedPath, hurried: bool) -> bool:

@@ -15,7 +15,7 @@ from snnav_core.planning.shortest import initial_circles
 from snnav_core.planning.tangent_graph import Candidate, rule_candidates
 from snnav_core.types import FloatArray, PathSource, Pose2D, RobotSpec
 
-__all__ = ["Route", "find_route", "next_corner", "route_candidates"]
+__all__ = ["Route", "find_route", "next_corner", "route_candidates", "shortest_way"]
 
 _LEVELS = (1.0, 0.6, 0.3, 0.0)
 _DETOUR = 1.02
@@ -187,10 +187,16 @@ def next_corner(context: AreaContext, route: Route, pose: Pose2D) -> FloatArray 
 
     None when the target cannot be reached, or the robot is there.
     """
+    way = shortest_way(context, route, pose)
+    if way is None:
+        return None
+    ahead: FloatArray = way[np.linalg.norm(way - pose.position, axis=1) > _AT_CORNER]
+    return ahead[0] if len(ahead) else None
+
+
+def shortest_way(context: AreaContext, route: Route, pose: Pose2D) -> FloatArray | None:
+    """The shortest way to the target whatever the present heading, (N, 2) [m, map], N >= 2; None without any."""
     start = pose.position
     entry = start if route.start_inside else route.curves.nearest(start)
     chain = context.goal_tree(route.curves, route.target).from_point(entry)
-    if chain is None:
-        return None
-    ahead: FloatArray = chain[np.linalg.norm(chain - start, axis=1) > _AT_CORNER]
-    return ahead[0] if len(ahead) else None
+    return None if chain is None else np.vstack((start, chain))

@@ -44,6 +44,14 @@ class NavigatorSettings:
         A new path replaces the last one only when it is shorter by this share (C3-26).
     search_interval : int
         New candidates are sought every so many steps when the area changes, and at once when the last path fails.
+    searches_per_step : int
+        At most about so many robots seek new candidates in one step; the others go on with the path that they have, or
+        wait, for at most three steps. All would at once in the first step.
+    followed_steps : int
+        In a crowd a last path that is certified for the whole window is followed for so many steps before it is
+        adjusted again.
+    crowd : int
+        From so many other robots on it is a crowd.
     max_adjusted : int
         At most so many candidates are adjusted in one step, shortest first.
     arrival_distance : float or None
@@ -64,6 +72,9 @@ class NavigatorSettings:
     simplification: float = 0.02
     switch_gain: float = 0.05
     search_interval: int = 5
+    searches_per_step: int = 25
+    followed_steps: int = 2
+    crowd: int = 20
     max_adjusted: int = 6
     arrival_distance: float | None = None
     path_spacing: float | None = None
@@ -78,9 +89,11 @@ class NavigatorSettings:
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise InvalidInput(f"{name} is {value}, must be a number >= 0")
-        for name in ("time_window", "search_interval", "max_adjusted"):
+        for name in ("time_window", "search_interval", "searches_per_step", "crowd", "max_adjusted"):
             if getattr(self, name) < 1:
                 raise InvalidInput(f"{name} is {getattr(self, name)}, must be a whole number >= 1")
+        if self.followed_steps < 0:
+            raise InvalidInput(f"followed_steps is {self.followed_steps}, must be a whole number >= 0")
         for name in ("turn_radius_factor", "circle_radius_factor"):
             if not getattr(self, name) >= 1.0:
                 raise InvalidInput(f"{name} is {getattr(self, name)}, must be >= 1")

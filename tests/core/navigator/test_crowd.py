@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snnav_core.navigator.crowd import Crowd
+from snnav_core.navigator.crowd import Crowd, Turns
 from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
 from snnav_core.planning.separation import OtherRobot
 from snnav_core.types import FloatArray, Pose2D, RobotSpec, TimedPath
@@ -21,8 +21,10 @@ HERE = Pose2D(0.0, 0.0, 0.0)
 STEP = 0.25
 
 
-def other(name: str, points: FloatArray | list[list[float]], start: float = 0.0) -> OtherRobot:
-    return OtherRobot(name, 0.3, TimedPath(start, STEP, np.array(points, dtype=np.float64)))
+def other(
+    name: str, points: FloatArray | list[list[float]], start: float = 0.0, parked: bool = False
+) -> OtherRobot:
+    return OtherRobot(name, 0.3, TimedPath(start, STEP, np.array(points, dtype=np.float64)), parked)
 
 
 def crowd(*others: OtherRobot) -> Crowd:
@@ -62,7 +64,8 @@ def test_nobody_is_nothing_to_keep_away_from() -> None:
     ],
 )
 def test_far_robots_count_only_when_they_stand_in_the_way(points: list[list[float]], count: int) -> None:
-    assert len(crowd(other("r", points)).barriers(along(40.0))) == count
+    assert len(crowd(other("r", points, parked=len(points) == 1)).barriers(along(40.0))) == count
+    assert crowd(other("r", points)).barriers(along(40.0)) == [], "it has somewhere to go"
 
 
 def test_a_robot_near_by_may_also_stop_at_every_point_up_to_the_next_decision() -> None:
@@ -92,3 +95,9 @@ def test_who_comes_near_within_the_window_is_kept_away_from(seed: int) -> None:
         gaps = np.linalg.norm(centres - chain[1 : len(times) + 1], axis=1)
         if gaps.min() < 0.3 + 0.5:
             assert tuple(centres[-1]) in kept
+
+
+def test_turns_are_taken_first_come_first_served_and_after_three_steps_in_any_case() -> None:
+    turns = Turns(2)
+    assert [turns.take(0) for _ in range(4)] == [True, True, False, False]
+    assert [turns.take(waited) for waited in range(5)] == [False, False, False, True, True]
