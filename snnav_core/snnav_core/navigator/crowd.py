@@ -63,11 +63,11 @@ class Crowd(Traffic):
     def barriers(self, chain: FloatArray) -> list[DiskBarrier]:
         """What the points of a path keep away from when a chain (N, 2) [m, map] is adjusted.
 
-        Robots that will go on and can be met within the window, for so long; robots that stay near the chain; and for
+        Robots under way that can be met within the window, for so long; robots that stand near the chain; and for
         the first interval the stops of those so near that they matter then.
 
-        Where robots that have somewhere to go will be beyond the window nobody knows. As obstacles there, they tore
-        most ways through a crowd apart.
+        Where robots under way will be beyond the window nobody knows. As obstacles there, they tore most ways through
+        a crowd apart; in a large one, so did those that stand for a while.
         """
         if len(self) == 0:
             return []
@@ -77,14 +77,21 @@ class Crowd(Traffic):
         stand = [DiskBarrier(centres[index], demanded[index]) for index in np.flatnonzero(self._stay & ahead)]
         return stand + self._moving + self._stops
 
+    @property
+    def is_large(self) -> bool:
+        """Whether there are so many that the robot looks only as far as its window at those who will go on."""
+        return len(self) >= self._settings.crowd
+
     @cached_property
     def _stay(self) -> NDArray[np.bool_]:
-        """Which of them will not move again, shape (O,)."""
+        """Which of them stand, in a large crowd for good, shape (O,)."""
+        if not self.is_large:
+            return self.stands
         return np.asarray(self.stands & [other.parked for other in self])
 
     @cached_property
     def _moving(self) -> list[DiskBarrier]:
-        """Robots with somewhere to go that can be met within the window."""
+        """Robots that will go on and can be met within the window."""
         centres, demanded = self._disks
         met = self.gaps - self.own_reach - self._reach <= demanded.max(axis=1)
         return [

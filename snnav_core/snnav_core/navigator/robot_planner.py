@@ -203,7 +203,7 @@ def _until_its_turn(attempt: Attempt) -> Stop:
 def _followed(attempt: Attempt, memory: RobotMemory) -> tuple[PlannedPath | None, RobotMemory]:
     """In a crowd: the last path as it is, while it is certified for the whole window, for a few steps."""
     settings = attempt.settings
-    if len(attempt.others) >= settings.crowd and memory.followed < settings.followed_steps:
+    if attempt.crowd.is_large and memory.followed < settings.followed_steps:
         plan = _kept(attempt, memory)
         if plan is not None and attempt.is_full(plan):
             return plan, replace(memory, followed=memory.followed + 1)
@@ -259,7 +259,7 @@ def _search(attempt: Attempt, best: PlannedPath | None, memory: RobotMemory) -> 
 
 
 def _route(attempt: Attempt, goal: FloatArray) -> Route:
-    """Around robots that will not move again; around others that stand only where they are in the way soon.
+    """Around robots that will not move again; around others that stand only where they are in the way, in a crowd soon.
 
     So most robots of a step share the curves and the tangent graph of one reduced area.
     """
@@ -267,7 +267,7 @@ def _route(attempt: Attempt, goal: FloatArray) -> Route:
     arguments = (attempt.context, attempt.robot, attempt.pose, goal, attempt.distances, attempt.settings)
     route = find_route(*arguments, parked)
     here = attempt.pose.position
-    near = attempt.crowd.own_reach + attempt.distances.stride
+    near = attempt.crowd.own_reach + attempt.distances.stride if attempt.crowd.is_large else math.inf
     passing = np.array(
         [disk for disk in disks if disk not in parked and math.dist(disk[:2], here) - disk[2] <= near]
     )

@@ -65,7 +65,15 @@ def test_nobody_is_nothing_to_keep_away_from() -> None:
 )
 def test_far_robots_count_only_when_they_stand_in_the_way(points: list[list[float]], count: int) -> None:
     assert len(crowd(other("r", points, parked=len(points) == 1)).barriers(along(40.0))) == count
-    assert crowd(other("r", points)).barriers(along(40.0)) == [], "it has somewhere to go"
+
+
+def test_in_a_large_crowd_those_who_will_go_on_count_within_the_window_only() -> None:
+    far = [other(f"r{k}", [[30.0, 9.0]]) for k in range(SETTINGS.crowd - 1)]
+    waits, stays = other("waits", [[30.0, 0.0]]), other("stays", [[30.0, 0.0]], parked=True)
+    assert len(crowd(*far[1:], waits).barriers(along(40.0))) == 1
+    assert len(crowd(*far, waits).barriers(along(40.0))) == 0
+    assert len(crowd(*far, stays).barriers(along(40.0))) == 1
+    assert len(crowd(*far, other("waits", [[3.0, 0.0]])).barriers(along(40.0))) == 1
 
 
 def test_a_robot_near_by_may_also_stop_at_every_point_up_to_the_next_decision() -> None:
