@@ -18,7 +18,7 @@ from snnav_core.types import FloatArray, HeardPath, Pose2D, RobotState, TimedPat
 
 __all__ = ["Crowd", "Turns", "possible_paths"]
 
-_LONGEST_WAIT = 3  # steps that a robot waits at most for its turn to seek a way
+_LONGEST_WAIT = 6  # steps that a robot waits at most for its turn to seek a way
 _SLACK = 1.0  # [m]; farther than this an adjustment does not move a path
 
 
@@ -165,7 +165,7 @@ class Turns:
         self._left = most
 
     def take(self, waited: int) -> bool:
-        """Whether a robot may seek now that was put off for so many steps; after three it may in any case."""
+        """Whether a robot may seek now that was put off for so many steps; after six it may in any case."""
         self._left -= 1
         return self._left >= 0 or waited >= _LONGEST_WAIT
 

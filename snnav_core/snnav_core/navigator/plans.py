@@ -33,8 +33,11 @@ def best_profile(attempt: Attempt, polyline: FloatArray, rotation: int, source: 
     points = resample(polyline, attempt.distances.link)
     best: PlannedPath | None = None
     plan: PlannedPath | None = None
+    adjustment = attempt.settings.adjustment
+    # In a crowd most ways that do not rest soon are blocked: nearly all others rest within the smaller number.
+    passes = adjustment.warm_passes if attempt.crowd.is_large else adjustment.cold_passes
     for margins in profiles(attempt):
-        plan = attempt.adjusted(points, rotation, margins, attempt.settings.adjustment.cold_passes, source)
+        plan = attempt.adjusted(points, rotation, margins, passes, source)
         best = better(best, plan)
         if attempt.is_full(plan):
             return plan

@@ -196,7 +196,7 @@ def _situation(attempt: Attempt) -> tuple[object, ...]:
 
 def _until_its_turn(attempt: Attempt) -> Stop:
     name = attempt.robot.id
-    message = f"robot {name} waits: its way is sought when that of others has been, within three steps"
+    message = f"robot {name} waits: its way is sought when that of others has been, within six steps"
     return Stop(name, StopReason.NO_PATH, message)
 
 

@@ -46,7 +46,7 @@ class NavigatorSettings:
         New candidates are sought every so many steps when the area changes, and at once when the last path fails.
     searches_per_step : int
         At most about so many robots seek new candidates in one step; the others go on with the path that they have, or
-        wait, for at most three steps. All would at once in the first step.
+        wait, for at most six steps. All would at once in the first step.
     followed_steps : int
         In a crowd a last path that is certified for the whole window is followed for so many steps before it is
         adjusted again.
@@ -72,7 +72,7 @@ class NavigatorSettings:
     simplification: float = 0.02
     switch_gain: float = 0.05
     search_interval: int = 5
-    searches_per_step: int = 25
+    searches_per_step: int = 15
     followed_steps: int = 2
     crowd: int = 20
     max_adjusted: int = 6
