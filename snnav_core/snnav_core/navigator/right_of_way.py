@@ -17,6 +17,7 @@ from snnav_core.types import PathSource, PlannedPath, Pose2D, Stop, StopReason
 
 __all__ = ["RightOfWay"]
 
+_TURNS, _RESTS = 20, 130  # decisions in which a robot that does not get away turns, and then rests
 _STILL = 0.02  # [m] that a robot moves less in a decision when it stands
 _STUCK = (
     4  # decisions in a row without moving, besides those for a whole turn, after which it counts as blocked
@@ -72,7 +73,9 @@ class RightOfWay:
             if self._goals.get(name) != goals.get(name):
                 self._yielding.forget(name)
         self._goals = dict(goals)
-        if context.area.is_empty:
+        if len(parties) < 2:
+            self._yielding.clear()
+        if len(parties) < 2 or context.area.is_empty:
             return
         blocked = {
             name: max(self.precedence.blocked(name), self._still[name])
@@ -85,7 +88,8 @@ class RightOfWay:
         """Count for how many decisions a robot has not moved, beyond what a turn on the spot takes."""
         last, pose = self._poses.get(name), party.pose
         self._poses[name] = pose
-        if last is None or math.dist((last.x, last.y), (pose.x, pose.y)) >= _STILL:
+        moved = last is None or math.dist((last.x, last.y), (pose.x, pose.y)) >= _STILL
+        if moved or name not in self._hindered:
             turn = 2.0 * math.pi / party.robot.max_turn_rate / self._settings.sampling_interval
             self._still[name] = -_STUCK - math.ceil(turn)
         else:
@@ -120,6 +124,9 @@ class RightOfWay:
         """A decision with the name of what it is for: making room for another robot, or blocked by one and by whom."""
         order = self._yielding.orders.get(name)
         if isinstance(decision, PlannedPath):
+            if decision.path.turn_to is not None and self._is_idle(name):
+                message = f"robot {name} waits: between other robots it turned to and fro and found no way"
+                return Stop(name, StopReason.BLOCKED_BY_ROBOT, message)
             return decision if order is None else replace(decision, source=PathSource.YIELD)
         if order is not None and decision.reason is not StopReason.NO_AREA:
             if decision.reason is not StopReason.BLOCKED_BY_ROBOT:
@@ -132,6 +139,11 @@ class RightOfWay:
             message = f"{decision.message}; {text}" if by_robot else f"robot {name} waits: {text}"
             return Stop(name, StopReason.BLOCKED_BY_ROBOT, message)
         return decision
+
+    def _is_idle(self, name: str) -> bool:
+        """Whether a robot among others has turned for long without driving; now and then it may try again."""
+        standing = self._still.get(name, 0)
+        return standing > 0 and standing % (_TURNS + _RESTS) > _TURNS and self._is_near_others(name)
 
     def note(self, decisions: Mapping[str, PlannedPath | Stop]) -> None:
         """Remember who is blocked by others, or may be."""
@@ -151,10 +163,13 @@ class RightOfWay:
     def _by_robot(self, stop: Stop) -> bool:
         """Whether a robot waits because of others: somebody is near who bends its path until it cannot be driven."""
         if stop.reason is StopReason.NO_PATH:
-            pose = self._poses.get(stop.robot_id)
-            return pose is not None and any(
-                math.dist((pose.x, pose.y), (other.x, other.y)) < self._near
-                for name, other in self._poses.items()
-                if name != stop.robot_id
-            )
+            return self._is_near_others(stop.robot_id)
         return stop.reason is StopReason.BLOCKED_BY_ROBOT
+
+    def _is_near_others(self, name: str) -> bool:
+        pose = self._poses.get(name)
+        return pose is not None and any(
+            math.dist((pose.x, pose.y), (other.x, other.y)) < self._near
+            for another, other in self._poses.items()
+            if another != name
+        )

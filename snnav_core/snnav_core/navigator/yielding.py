@@ -78,6 +78,11 @@ class Yielding:
         """Take back what was asked of a robot."""
         self.orders.pop(name, None)
 
+    def clear(self) -> None:
+        """Take back everything that was asked."""
+        self.orders.clear()
+        self._texts.clear()
+
     def reach(self, name: str) -> None:
         """Note that a robot is where it waits."""
         self.orders[name] = replace(self.orders[name], reached=True)

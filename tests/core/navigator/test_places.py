@@ -1,0 +1,66 @@
+"""Places to wait: off the claims of others, within reach, and with a way on afterwards."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from snnav_core.area.planar import UnoccupiedArea, as_multipolygon
+from snnav_core.navigator.context import AreaContext
+from snnav_core.navigator.places import Claim, PlaceSearch
+from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
+from snnav_core.types import RobotSpec
+
+SETTINGS = NavigatorSettings(0.5, 0.4, 4)
+DISTANCES = RobotDistances(RobotSpec("a", 0.2, 0.8, 1.6), SETTINGS)
+
+
+def search(region: shapely.Geometry, start: tuple[float, float], goal: tuple[float, float]) -> PlaceSearch:
+    context = AreaContext(UnoccupiedArea(0.0, as_multipolygon(region)), SETTINGS.simplification)
+    return PlaceSearch(context, np.array(start), DISTANCES, np.array(goal))
+
+
+def test_the_place_is_off_the_claim_and_keeps_the_margin() -> None:
+    hall = shapely.box(0.0, 0.0, 10.0, 8.0)
+    way = shapely.LineString([(0.0, 4.0), (10.0, 4.0)])
+    place = search(hall, (5.0, 4.1), (1.0, 4.0)).nearest((), (), [Claim(way, 0.7)], [])
+    assert place is not None
+    assert shapely.distance(way, shapely.points(place.point)) >= 0.7
+    assert shapely.distance(hall.boundary, shapely.points(place.point)) >= 0.4
+    assert np.linalg.norm(place.point - (5.0, 4.1)) < 0.65, "the nearer side"
+
+
+def test_somebody_elses_way_is_kept_free_where_that_is_little_farther() -> None:
+    hall = shapely.box(0.0, 0.0, 10.0, 8.0)
+    way = shapely.LineString([(0.0, 4.0), (10.0, 4.0)])
+    above = Claim(shapely.LineString([(0.0, 5.0), (10.0, 5.0)]), 0.6)
+    place = search(hall, (5.0, 4.1), (1.0, 4.0)).nearest((), (), [Claim(way, 0.7)], [above])
+    assert place is not None
+    assert place.point[1] < 4.0
+
+
+def test_behind_who_passes_is_no_place() -> None:
+    """A corridor with dead ends: a bay far away beats a corner from where the other's goal leaves no way."""
+    corridor = shapely.union_all([shapely.box(0.0, 0.0, 14.0, 1.2), shapely.box(6.2, 1.1, 7.8, 2.6)])
+    way = shapely.LineString([(0.6, 0.6), (12.0, 0.6)])
+    looking = search(corridor, (12.6, 0.6), (0.6, 0.6))
+    corner = looking.nearest((), (), [Claim(way, 0.7)], [])
+    bay = looking.nearest((), ((12.0, 0.6, 0.7),), [Claim(way, 0.7)], [])
+    assert corner is not None
+    assert corner.point[0] > 12.5
+    assert bay is not None
+    assert bay.point[1] > 1.2
+
+
+def test_nowhere_off_the_claim_is_no_place() -> None:
+    tube = shapely.box(0.0, 0.0, 10.0, 1.2)
+    way = shapely.LineString([(0.0, 0.6), (10.0, 0.6)])
+    assert search(tube, (5.0, 0.6), (9.0, 0.6)).nearest((), (), [Claim(way, 0.7)], []) is None
+
+
+def test_nobody_is_driven_through() -> None:
+    tube = shapely.box(0.0, 0.0, 10.0, 1.2)
+    claim = Claim(shapely.LineString([(5.0, 0.6), (10.0, 0.6)]), 0.7)
+    open_way = search(tube, (6.0, 0.6), (0.6, 0.6))
+    assert open_way.nearest((), (), [claim], []) is not None
+    assert open_way.nearest(((4.5, 0.6, 0.7),), (), [claim], []) is None
