@@ -247,7 +247,8 @@ class ClearanceField:
         gradient : ndarray, shape (N, 2)
             Unit vector of growing distance.
         """
-        points = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 2)
+        # Writeable, so that there is one kind of array for the compiler.
+        points = np.require(points, np.float64, ["C", "W"]).reshape(-1, 2)
         if self.is_empty:
             return np.full(len(points), -math.inf), np.zeros((len(points), 2))
         distance, gradient = _query(points, limit, *self.arrays)

@@ -73,7 +73,8 @@ class Crowd(Traffic):
             return []
         centres, demanded = self._disks
         link = 1.02 * self._distances.link
-        ahead = are_near(centres[:, -1], demanded[:, -1] + _SLACK, np.ascontiguousarray(chain), link)
+        ends, chain = np.ascontiguousarray(centres[:, -1]), np.require(chain, np.float64, ["C", "W"])
+        ahead = are_near(ends, demanded[:, -1] + _SLACK, chain, link)
         stand = [DiskBarrier(centres[index], demanded[index]) for index in np.flatnonzero(self._stay & ahead)]
         return stand + self._moving + self._stops
 

@@ -237,8 +237,8 @@ class AreaCurves:
             Index of that edge, -1 for none.
         """
         share, edge = _first_hits(
-            np.ascontiguousarray(sources, dtype=np.float64),
-            np.ascontiguousarray(targets, dtype=np.float64),
+            np.require(sources, np.float64, ["C", "W"]),
+            np.require(targets, np.float64, ["C", "W"]),
             self.starts,
             self.ends,
             self._following,
