@@ -120,6 +120,7 @@ def test_scenes_are_listed(tmp_path: Path) -> None:
         (["run", "nowhere.yaml"], "nowhere.yaml: there is no such file"),
         (["run", "bad.yaml"], "bad.yaml:1: "),
         (["run", "taken"], "taken: is a directory"),
+        (["run", "hello", "--planners", "2"], "--planners 2: robots of hello: 1; give so many or fewer"),
         (["run", "hello", "--core", "--processes"], "--core does not go with --realtime, --processes"),
         (["run", "hello", "--seed", "-3"], "--seed"),
         (["run", "hello", "--out", "taken"], "taken: holds files of something else"),
