@@ -8,15 +8,25 @@ from dataclasses import replace
 import numpy as np
 
 from snnav_core.navigator.attempt import Attempt, margin_profiles
-from snnav_core.navigator.search import Route, next_corner
+from snnav_core.navigator.search import Route, next_corner, shortest_way
 from snnav_core.planning.adjustment import resample
 from snnav_core.types import FloatArray, PathSource, PlannedPath, Stop, StopReason, TimedPath
 
-__all__ = ["BY_ROBOT", "best_profile", "better", "profiles", "shortened", "turn_and_leg", "turn_on"]
+__all__ = [
+    "BY_ROBOT",
+    "best_profile",
+    "better",
+    "profiles",
+    "shortened",
+    "turn_and_leg",
+    "turn_first",
+    "turn_on",
+]
 
 BY_ROBOT = " of robot "
 """In the reasons of certificates that another robot is to blame for."""
 
+_WORTH = 1.1  # times the shortest way: a longer path is worth a turn in place before
 _ALIGNED = 0.02  # a turn by less than this [rad] brings nothing
 
 
@@ -67,6 +77,23 @@ def turn_on(attempt: Attempt, last: PlannedPath | None) -> PlannedPath | None:
         return None
     plan = _turn(attempt, last.path.turn_to)
     return plan if plan.certificate.accepted else None
+
+
+def turn_first(
+    attempt: Attempt, last: PlannedPath | None, plan: PlannedPath, route: Route
+) -> PlannedPath | None:
+    """A turn in place of a robot that stands, where driving off along its heading makes the way much longer.
+
+    On its circles a robot that faces away drives up to three quarters of a turn, and around what is beside it.
+    """
+    stands = last is None or last.path.turn_to is not None
+    if not stands or plan.path.turn_to is not None:
+        return None
+    way = shortest_way(attempt.context, route, attempt.pose)
+    if way is None or plan.path.length <= _WORTH * float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum()):
+        return None
+    turn = turn_on(attempt, last) or turn_and_leg(attempt, route)
+    return turn if turn is not None and turn.path.turn_to is not None and attempt.is_whole(turn) else None
 
 
 def _is_off(attempt: Attempt, heading: float) -> bool:

@@ -13,7 +13,15 @@ from snnav_core.navigator.attempt import Attempt
 from snnav_core.navigator.context import Disks
 from snnav_core.navigator.evasion import closes, evade, may_stand
 from snnav_core.navigator.foresight import weigh
-from snnav_core.navigator.plans import BY_ROBOT, best_profile, better, profiles, turn_and_leg, turn_on
+from snnav_core.navigator.plans import (
+    BY_ROBOT,
+    best_profile,
+    better,
+    profiles,
+    turn_and_leg,
+    turn_first,
+    turn_on,
+)
 from snnav_core.navigator.search import Route, find_route, route_candidates, shortest_way
 from snnav_core.planning.adjustment import resample
 from snnav_core.types import (
@@ -172,8 +180,11 @@ def _to_target(
     found = _search(attempt, best, memory)
     memory = replace(memory, target=found.target)
     decision = found.best
-    if decision is None and found.route is not None and attempt.robot.can_turn_in_place:
-        decision = turn_on(attempt, memory.plan) or turn_and_leg(attempt, found.route)
+    if found.route is not None and attempt.robot.can_turn_in_place:
+        if decision is None:
+            decision = turn_on(attempt, memory.plan) or turn_and_leg(attempt, found.route)
+        else:
+            decision = turn_first(attempt, memory.plan, decision, found.route) or decision
     if decision is None:
         return found.stop, replace(memory, failure=(situation, found.stop))
     return decision, memory

@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from snnav_core.types import FloatArray
-from snnav_sim.campaign.reference import connected, planned_distance
+from snnav_sim.campaign.reference import connected, planned_distance, seen_area
 from snnav_sim.report.metrics import compute_metrics
+from snnav_sim.report.optimum import reduced
 from snnav_sim.report.record import Decision, RunRecord
 from snnav_sim.report.separation import Separations, separations
 from snnav_sim.report.truth import GroundTruth
@@ -47,12 +49,12 @@ def judge(scene: Scene, record: RunRecord) -> dict[str, Any]:
     Nothing is promised to one that stands longer. A body that walks up to it then is counted apart (`walked_into`),
     until it has its margin back. Margins between robots are always promised.
     """
-    truth = GroundTruth(scene)
+    truth, seen = GroundTruth(scene), seen_area(scene)
     metrics = compute_metrics(scene, record, truth, area=False)
     apart = separations(scene, record)
     robots = {
         robot.id: {
-            "feasible": _is_feasible(scene, robot, truth),
+            **_feasibility(scene, robot, truth, seen),
             "safety_margin": scene.safety_margin,
             **{key: metrics["robots"][robot.id][key] for key in _KEPT},
             **_violations(scene, index, record, truth, apart),
@@ -69,9 +71,16 @@ def judge(scene: Scene, record: RunRecord) -> dict[str, Any]:
     }
 
 
-def _is_feasible(scene: Scene, robot: RobotScene, truth: GroundTruth) -> bool:
-    """Whether start and target lie in one component of the true area reduced by the planning distance."""
-    return connected(truth.reduced_area(planned_distance(scene, robot)), robot.start, robot.target)
+def _feasibility(scene: Scene, robot: RobotScene, truth: GroundTruth, seen: BaseGeometry) -> dict[str, bool]:
+    """Whether start and target lie in one component of the area reduced by the planning distance.
+
+    Of what noise-free scans show, and of what is truly visible.
+    """
+    distance = planned_distance(scene, robot)
+    return {
+        "feasible": connected(reduced(seen, distance), robot.start, robot.target),
+        "feasible_by_sight": connected(truth.reduced_area(distance), robot.start, robot.target),
+    }
 
 
 def _violations(

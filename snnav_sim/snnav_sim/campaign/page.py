@@ -75,9 +75,11 @@ def _numbers(summary: Mapping[str, Any]) -> str:
     share = summary["feasible_reached_share"]
     reached = f"{summary['feasible_reached']} of {summary['feasible']}"
     reached += "" if share is None else f" ({100.0 * share:.1f} %)"
+    by_sight = f"{summary['feasible_by_sight_reached']} of {summary['feasible_by_sight']}"
     beyond = f"{metres('least_clearance_over_margin')}, {metres('least_separation_over_margin')}"
     rows = [
         ("Targets that can be reached, and were", reached),
+        ("The same for ideal sensors with beams everywhere", by_sight),
         ("Robots in all, and arrived", f"{summary['robots']}, {summary['reached']}"),
         ("Robots that ended neither at the target nor with a typed reason", zero("without_typed_reason")),
         ("Runs that ended with an exception", zero("failed_runs")),

@@ -19,6 +19,7 @@ __all__ = ["CSV_COLUMNS", "TIME_COLUMNS", "write_summary"]
 _RUN = ("kind", "seed")
 _ROBOT = (
     "feasible",
+    "feasible_by_sight",
     "reached",
     "reason",
     "arrival_time",

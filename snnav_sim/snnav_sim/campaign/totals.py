@@ -37,6 +37,8 @@ def totals(records: Sequence[Record]) -> dict[str, Any]:
         "feasible": len(feasible),
         "feasible_reached": len(arrived),
         "feasible_reached_share": len(arrived) / len(feasible) if feasible else None,
+        "feasible_by_sight": sum(robot["feasible_by_sight"] for robot in robots),
+        "feasible_by_sight_reached": sum(robot["feasible_by_sight"] and robot["reached"] for robot in robots),
         "not_reached_by_reason": dict(sorted(Counter(robot["reason"] for robot in others).items())),
         "without_typed_reason": sum(robot["reason"] not in _STOPS for robot in others),
         **{key: sum(robot[key] > 0 for robot in robots) for key in ("collisions", "margin_violations")},

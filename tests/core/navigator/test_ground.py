@@ -316,3 +316,16 @@ def test_between_two_equal_ways_the_robot_does_not_waver(closed_loop: Callable[.
             beside = decision.path.points[np.abs(decision.path.points[:, 0] - 10.0) < 0.5]
             sides.update((beside[:, 1] > 6.0).tolist())
     assert len(sides) == 1
+
+
+def test_a_robot_that_stands_and_faces_away_turns_where_its_circles_would_take_it_far_round(
+    closed_loop: Callable[..., Any],
+) -> None:
+    """A block beside it leaves the circle on one side only: three quarters of a turn, or a turn on the spot."""
+    free, begin, goal = area(shapely.box(2.6, 5.5, 6.0, 9.0)), Pose2D(2.0, 7.0, math.pi / 2), (2.0, 2.0)
+    nav = GroundNavigator([RobotSpec("robot", 0.2, 0.5, 0.8)], SETTINGS)
+    log = closed_loop(nav, free.restamped, {"robot": begin}, {"robot": goal}, 40.0)
+    assert log.reasons("robot")[0] == PathSource.TURN_IN_PLACE.value
+    assert stopped(log.last("robot"), StopReason.ARRIVED)
+    travelled = float(np.hypot(*np.diff(log.positions("robot"), axis=0).T).sum())
+    assert travelled < 1.1 * math.dist((2.0, 7.0), goal)

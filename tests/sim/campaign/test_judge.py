@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from snnav_core.types import Pose2D, TimedPath, VelocityCommand
+from snnav_sim.campaign.generate import campaign_scene
 from snnav_sim.campaign.judge import judge
+from snnav_sim.campaign.reference import seen_area
 from snnav_sim.report.record import Decision, RunRecord
 from snnav_sim.scene import Circle, Mover, Scene, parse_scene
+from snnav_sim.world import World
 
 HALL = """\
 name: hall
@@ -123,5 +126,17 @@ def test_a_target_behind_a_wall_cannot_be_reached(hall: Scene) -> None:
         "robots:", "obstacles:\n  - {polygon: [[10, -1], [10.2, -1], [10.2, 9], [10, 9]]}\nrobots:"
     )
     walled = parse_scene(text, "walled.yaml")
-    assert judge(hall, drive(hall, 0.0, 1.0, 1.0))["robots"]["r"]["feasible"]
-    assert not judge(walled, drive(walled, 0.0, 1.0, 1.0))["robots"]["r"]["feasible"]
+    for key in ("feasible", "feasible_by_sight"):
+        assert judge(hall, drive(hall, 0.0, 1.0, 1.0))["robots"]["r"][key]
+        assert not judge(walled, drive(walled, 0.0, 1.0, 1.0))["robots"]["r"][key]
+
+
+def test_scans_show_most_of_what_can_be_seen_and_hardly_more() -> None:
+    for kind in ("static", "dynamic", "multi"):
+        for seed in range(5):
+            scene = campaign_scene(kind, seed)
+            seen, sight = seen_area(scene), World(replace(scene, movers=())).true_unoccupied_area()
+            assert seen.difference(sight).area < 0.01 * sight.area, (
+                scene.name
+            )  # tips and pockets between beams
+            assert seen.area > 0.9 * sight.area, scene.name
