@@ -48,6 +48,7 @@ class TrueMemory:
     def __init__(self, world: World) -> None:
         self._world, self._scene = world, world.scene
         self._regions: list[MultiPolygon] = []
+        self._areas: dict[int, UnoccupiedArea] = {}
         self._views: dict[int, list[BaseGeometry]] = {}
 
     @property
@@ -72,6 +73,13 @@ class TrueMemory:
             area = shapely.union_all([*self.views(number), *self._views_since(number), *kept])
             self._regions.append(as_multipolygon(area))
         return self._regions[index]
+
+    def _area(self, index: int) -> UnoccupiedArea:
+        """Return the same with what its distances need, which all robots share."""
+        index = index if self.moves else 0
+        if index not in self._areas:
+            self._areas[index] = UnoccupiedArea(0.0, self.region(index))
+        return self._areas[index]
 
     def _views_since(self, index: int) -> list[BaseGeometry]:
         """Return what is left of what sensors with instants of their own saw since the sampling instant before."""
@@ -115,7 +123,7 @@ class TrueMemory:
         clearance = np.empty(len(points))
         for number in np.unique(numbers):
             rows = numbers == number
-            clearance[rows] = UnoccupiedArea(0.0, self.region(int(number))).clearance(points[rows])
+            clearance[rows] = self._area(int(number)).clearance(points[rows])
         clearance -= since * self._scene.boundary_speed
         exact = since <= _TIME
         least = max(margin, float(np.min(clearance[exact]))) if exact.any() else math.inf
