@@ -31,12 +31,17 @@ def ours(scene: Scene) -> Row:
     all_there = len(arrivals) == len(scene.robots)
     times = np.array(record.planner_seconds[1:])
     result = (
-        f"{_arrived(len(arrivals), scene, max(arrivals, default=math.nan))}, least {least:.3f} m; "
+        f"{_arrived(len(arrivals), scene, max(arrivals, default=math.nan))}, least {_down(least)} m; "
         f"step {milliseconds(times)}"
     )
     demanded = f"all, >= {scene.safety_margin:g} m"
     missed = not all_there or least < scene.safety_margin
     return Row(f"snnav, {scene.name}", result, max(arrivals, default=math.nan), demanded, missed)
+
+
+def _down(distance: float) -> str:
+    """Round a distance down to a millimetre [m]: no margin is kept by rounding."""
+    return f"{math.floor(1e3 * distance) / 1e3:.3f}"
 
 
 def _arrived(count: int, scene: Scene, makespan: float) -> str:
@@ -56,7 +61,7 @@ def orca(scene: Scene) -> Row:
     spread = _spread(done)
     result = (
         f"{_arrived(middle.arrived, scene, middle.makespan)}{spread}, least "
-        f"{min(run.separation for run in done):.3f} m; step {milliseconds(times)}"
+        f"{_down(min(run.separation for run in done))} m; step {milliseconds(times)}"
     )
     return Row(f"ORCA, {scene.name} ({ORCA_SEEDS} seeds)", result, middle.makespan, peer=True)
 
