@@ -134,7 +134,10 @@ def draw_decisions(scene: Scene, record: RunRecord, file: Path) -> None:
     short = short_names(robots) if row > _TIGHT_ROW else None
     seen: set[str] = set()
     for index, name in enumerate(robots):
-        for phase in phases(record.decisions_of(name), end, robots):
+        rows = record.trajectory(name)
+        gone = len(rows) > 0 and rows[-1, 0] < record.end - 0.5 * scene.control_period
+        until = float(rows[-1, 0]) + scene.control_period if gone else end
+        for phase in phases(record.decisions_of(name), until, robots):
             seen.add(phase.doing)
             _draw_phase(axes, phase, index, (_WIDTH - 1.0) / end, short)
     axes.set_yticks(np.arange(len(robots)), robots, fontsize=8 if row > _TIGHT_ROW else 5)
