@@ -17,7 +17,7 @@ from snnav_core.types import PathSource, PlannedPath, Pose2D, Stop, StopReason
 
 __all__ = ["RightOfWay"]
 
-_TURNS, _RESTS = 20, 130  # decisions in which a robot that does not get away turns, and then rests
+_TURNS, _RESTS = 20, 40  # decisions in which a robot that does not get away turns, and then rests
 _STILL = 0.02  # [m] that a robot moves less in a decision when it stands
 _STUCK = (
     4  # decisions in a row without moving, besides those for a whole turn, after which it counts as blocked
@@ -125,7 +125,8 @@ class RightOfWay:
         order = self._yielding.orders.get(name)
         if isinstance(decision, PlannedPath):
             if decision.path.turn_to is not None and self._is_idle(name):
-                message = f"robot {name} waits: between other robots it turned to and fro and found no way"
+                nearest = self._nearest(name)[1]
+                message = f"robot {name} waits: it turned to and fro and found no way past robot {nearest}"
                 return Stop(name, StopReason.BLOCKED_BY_ROBOT, message)
             return decision if order is None else replace(decision, source=PathSource.YIELD)
         if order is not None and decision.reason is not StopReason.NO_AREA:
@@ -167,9 +168,16 @@ class RightOfWay:
         return stop.reason is StopReason.BLOCKED_BY_ROBOT
 
     def _is_near_others(self, name: str) -> bool:
+        return self._nearest(name)[0] < self._near
+
+    def _nearest(self, name: str) -> tuple[float, str]:
+        """Distance to the nearest other robot [m], inf without any, and its id."""
         pose = self._poses.get(name)
-        return pose is not None and any(
-            math.dist((pose.x, pose.y), (other.x, other.y)) < self._near
+        if pose is None:
+            return math.inf, ""
+        gaps = [
+            (math.dist((pose.x, pose.y), (other.x, other.y)), another)
             for another, other in self._poses.items()
             if another != name
-        )
+        ]
+        return min(gaps, default=(math.inf, ""))
