@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,8 +26,6 @@ SERIES = range(40)
 
 
 def still_area(scene: Scene) -> shapely.Geometry:
-    from dataclasses import replace
-
     return World(replace(scene, movers=())).true_unoccupied_area()
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import multiprocessing
 import os
 import signal
 from pathlib import Path
@@ -51,8 +53,6 @@ def test_the_scene_that_was_written_gives_the_same_paths(kind: str, tmp_path: Pa
     record = campaign_run(kind, seed, tmp_path)
     scene = load_scene(tmp_path / "scenes" / f"{kind}_{seed}.yaml")
     write_run_directory(tmp_path / "again", scene, simulate(scene), figures=False)
-    import hashlib
-
     content = (tmp_path / "again" / "paths.csv").read_bytes()
     assert hashlib.sha1(content, usedforsecurity=False).hexdigest() == record["paths_sha1"]
 
@@ -84,8 +84,6 @@ def test_an_exception_is_a_failed_run_with_its_traceback(
 
 def test_a_process_that_dies_loses_its_run_only(tmp_path: Path) -> None:
     """The first process is killed while it works; its run is told as failed, the others are made."""
-    import multiprocessing
-
     killed = []
 
     def kill_one(_: dict[str, Any]) -> None:
