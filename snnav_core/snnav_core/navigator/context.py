@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import os
+from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 
 import numpy as np
@@ -30,6 +32,7 @@ _NARROW_SHARE, _WIDE_SHARE = 0.00125, 0.01  # of the distance: below 1 m passage
 
 _TIME_TOLERANCE = 1e-6  # [s]
 
+_SHARED = 2  # asked for so often in a step, something is worth preparing for the next one
 _MOST_KEPT = 128  # sets of standing robots that are remembered
 _MOST_TARGETS = 1024
 
@@ -56,6 +59,39 @@ class AreaContext:
         self._curves: dict[bytes, AreaCurves] = {}
         self._trees: dict[tuple[AreaCurves, float, float], GoalTree] = {}
         self._opened: dict[tuple[float, float], BaseGeometry] = {}
+        self._used: dict[float, float] = {}  # distances that were asked for, by what they are rounded to
+        self._asked: dict[
+            tuple[float, Disks], set[tuple[float, float]]
+        ] = {}  # targets that curves were asked for
+
+    def prepare(self, before: AreaContext) -> None:
+        """Compute on all cores what several robots asked of the last area, before they ask for it one by one.
+
+        Parameters
+        ----------
+        before : AreaContext
+            The area of the decision before.
+
+        Notes
+        -----
+        Shapely and the compiled parts run without the GIL. What comes out does not depend on the number of threads.
+        """
+        keys = [key for key, targets in before._asked.items() if len(targets) >= _SHARED]
+        distances = sorted(before._used.values())
+        workers = min(os.cpu_count() or 1, len(distances))
+        if workers < 2:
+            return
+        with ThreadPoolExecutor(workers) as pool:
+            list(pool.map(self._reduction, distances))
+            list(pool.map(lambda key: self._connect(key, before._asked[key]), keys))
+
+    def _connect(self, key: tuple[float, Disks], targets: set[tuple[float, float]]) -> None:
+        """Work out the tangent graphs of the components that hold the targets."""
+        distance, disks = key
+        components = {self._curves_at(distance, disks, np.array(target)) for target in targets}
+        for curves in components - {None}:
+            assert curves is not None
+            _ = curves.tangents
 
     @cached_property
     def digest(self) -> bytes:
@@ -77,20 +113,29 @@ class AreaContext:
 
     def region(self, distance: float, disks: Disks) -> MultiPolygon:
         """The area reduced by `distance` [m], without the disks of standing robots."""
+        self._used.setdefault(round(distance, 6), distance)
+        return self._without_disks(distance, disks)
+
+    def _reduction(self, distance: float) -> MultiPolygon:
         key = round(distance, 6)
         if key not in self._reduced:
             share = _NARROW_SHARE if distance < 1.0 else _WIDE_SHARE
             tolerance = min(self.simplification, share * distance)
-            self._reduced[key] = reduce_area(self.area.region, distance, tolerance)
+            self._reduced.setdefault(key, reduce_area(self.area.region, distance, tolerance))
+        return self._reduced[key]
+
+    def _without_disks(self, distance: float, disks: Disks) -> MultiPolygon:
         if not disks:
-            return self._reduced[key]
+            return self._reduction(distance)
+        key = round(distance, 6)
         if (key, disks) not in self._without:
             if len(self._without) >= _MOST_KEPT:
                 # In an area that never changes, robots stop here and there for days.
-                for kept in (self._without, self._curves, self._trees):
+                for kept in (self._without, self._curves, self._trees, self._asked):
                     kept.clear()
             values = np.array(disks)
-            self._without[key, disks] = remove_disks(self._reduced[key], values[:, :2], values[:, 2])
+            without = remove_disks(self._reduction(distance), values[:, :2], values[:, 2])
+            self._without.setdefault((key, disks), without)
         return self._without[key, disks]
 
     def opened(self, distance: float, half: float) -> BaseGeometry:
@@ -106,12 +151,18 @@ class AreaContext:
 
     def curves(self, distance: float, disks: Disks, target: FloatArray) -> AreaCurves | None:
         """Curves of the component of the reduced area that holds the target (2,) [m, map], or None."""
-        polygon = component_at(self.region(distance, disks), target)
+        self._used.setdefault(round(distance, 6), distance)
+        asked = self._asked.setdefault((distance, disks), set())
+        asked.add((float(target[0]), float(target[1])))
+        return self._curves_at(distance, disks, target)
+
+    def _curves_at(self, distance: float, disks: Disks, target: FloatArray) -> AreaCurves | None:
+        polygon = component_at(self._without_disks(distance, disks), target)
         if polygon is None:
             return None
         key = shapely.to_wkb(polygon)
         if key not in self._curves:
-            self._curves[key] = AreaCurves(polygon)
+            self._curves.setdefault(key, AreaCurves(polygon))
         return self._curves[key]
 
     def goal_tree(self, curves: AreaCurves, target: FloatArray) -> GoalTree:

@@ -42,6 +42,8 @@ from snnav_core.types import (
 
 __all__ = ["GroundNavigator"]
 
+_PLACE_SEARCH = 6  # to look for a place to wait costs about as much as so many searches for a way
+
 
 class GroundNavigator:
     """Plans for all ground robots of a workspace.
@@ -178,9 +180,11 @@ class GroundNavigator:
                 self._states[name] = state
         self._hear(heard, goals)
         self._before = dict(self._memory)
-        self._cast, self._turns = {}, Turns(self.settings.searches_per_step)
+        self._cast, sequence = {}, self._rank(time, states, goals)
+        left = self.settings.searches_per_step - _PLACE_SEARCH * self._right_of_way.sought
+        self._turns = Turns(max(1, left))
         decided: dict[str, PlannedPath | Stop] = {}
-        for name in self._rank(time, states, goals):
+        for name in sequence:
             others = self._others(name, time, decided)
             decided[name] = self._decide(self.robots[name], time, states.get(name), goals.get(name), others)
         stop_foreign = self._settle(time, decided)
@@ -225,7 +229,10 @@ class GroundNavigator:
 
     def _update_context(self, area: UnoccupiedArea) -> None:
         fresh = AreaContext(area, self.settings.simplification)
-        self._context, self._changed = self._trend.follow(self._context, fresh)
+        last = self._context
+        self._context, self._changed = self._trend.follow(last, fresh)
+        if last is not None and self._changed and len(self.robots) > self.settings.crowd:
+            self._context.prepare(last)
 
     def _others(
         self, name: str, time: float, decisions: Mapping[str, PlannedPath | Stop]

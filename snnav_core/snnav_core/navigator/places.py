@@ -101,7 +101,7 @@ class PlaceSearch:
         if curves is None:
             return None
         open_again = component_at(context.region(distances.tightest, later), self._goal)
-        tree = GoalTree(curves, inside)
+        tree, others = GoalTree(curves, inside), _Others(avoid)
         best: Place | None = None
         tried = 0
         for point in candidates:
@@ -118,7 +118,7 @@ class PlaceSearch:
             length = float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum())
             if best is not None and length >= best.cost:
                 continue
-            cost = length + _IN_THE_WAY * _touched(point, chain, avoid)
+            cost = length + _IN_THE_WAY * others.touched(point, chain)
             if open_again is not None and not shapely.intersects_xy(open_again, *point):
                 cost += _LOCKED_IN
             if best is None or cost < best.cost:
@@ -143,10 +143,23 @@ def _candidates(free: BaseGeometry, start: FloatArray) -> FloatArray:
     return found[np.argsort(np.linalg.norm(found - start, axis=1), kind="stable")]
 
 
-def _touched(point: FloatArray, chain: FloatArray, avoid: Sequence[Claim]) -> int:
-    """How many of the robots to avoid stand in the way there, or would find the place taken."""
-    here, way = shapely.points(point), shapely.linestrings(chain)
-    return sum(
-        claim.line.distance(way if claim.line.geom_type == "Point" else here) < claim.distance
-        for claim in avoid
-    )
+class _Others:
+    """The robots to avoid, all compared at once."""
+
+    def __init__(self, avoid: Sequence[Claim]) -> None:
+        stand = [claim.line.geom_type == "Point" for claim in avoid]
+        self._spots = _arrays([claim for claim, stands in zip(avoid, stand, strict=True) if stands])
+        self._ways = _arrays([claim for claim, stands in zip(avoid, stand, strict=True) if not stands])
+
+    def touched(self, point: FloatArray, chain: FloatArray) -> int:
+        """How many of them stand in the way (N, 2), or would find the place (2,) taken."""
+        here, way = shapely.points(point), shapely.linestrings(chain)
+        return sum(
+            int(np.count_nonzero(shapely.distance(lines, geometry) < distances))
+            for (lines, distances), geometry in ((self._spots, way), (self._ways, here))
+        )
+
+
+def _arrays(claims: Sequence[Claim]) -> tuple[np.ndarray, FloatArray]:
+    lines = np.array([claim.line for claim in claims], dtype=object)
+    return lines, np.array([claim.distance for claim in claims])

@@ -42,6 +42,11 @@ class RightOfWay:
         self._near = 0.0
         self._hindered: set[str] = set()
 
+    @property
+    def sought(self) -> int:
+        """For how many robots a place to wait was looked for in this step."""
+        return self._yielding.sought
+
     def remove(self, name: str) -> None:
         """Forget a robot."""
         self.precedence.remove(name)

@@ -37,6 +37,10 @@ __all__ = ["RobotMemory", "plan_robot"]
 
 _PATIENCE = 15  # decisions that a robot gets no nearer to its target, and for which it is less choosy then
 _LONG = 1_000  # steps: a robot whose path ends soon, or that must not stay, does not wait for its turn
+_PAUSE = (
+    3  # in a crowd a path certified for a part of the window is followed for so many steps between searches
+)
+_CANDIDATES = 3  # in a crowd at most so many are adjusted in a search: what bars one mostly bars the next
 _RETRY = 2  # a fruitless search is repeated every so many steps while things change
 _DETOUR = 1.2  # a path certified for a part of the window is left for one at most so much longer ...
 _LEAST_PATIENCE = 2  # ... unless fewer than so many sampling intervals are left
@@ -168,6 +172,8 @@ def _to_target(
     due = area_changed and memory.steps_since_search + 1 >= attempt.settings.search_interval
     if best is not None and attempt.is_full(best) and not due:
         return best, replace(memory, steps_since_search=memory.steps_since_search + 1)
+    if best is not None and _is_patient(attempt, best, memory):
+        return best, replace(memory, steps_since_search=memory.steps_since_search + 1)
     situation = _situation(attempt)
     if best is None and memory.failure is not None:
         waited = memory.steps_since_search + 1
@@ -188,6 +194,11 @@ def _to_target(
     if decision is None:
         return found.stop, replace(memory, failure=(situation, found.stop))
     return decision, memory
+
+
+def _is_patient(attempt: Attempt, best: PlannedPath, memory: RobotMemory) -> bool:
+    """In a crowd: whether a path certified for a part of the window will do, for a better one was sought lately."""
+    return attempt.crowd.is_large and attempt.is_lasting(best) and memory.steps_since_search < _PAUSE
 
 
 @dataclass(frozen=True)
@@ -251,7 +262,8 @@ def _search(attempt: Attempt, best: PlannedPath | None, memory: RobotMemory) -> 
     attempt = replace(attempt, target=route.target, planning_distance=route.distance)
     rejected, by_robot = "no candidate leaves along the heading of the robot", False
     candidates = route_candidates(attempt.context, route, attempt.pose, attempt.distances, settings)
-    for candidate in candidates[: settings.max_adjusted]:
+    most = min(_CANDIDATES, settings.max_adjusted) if attempt.crowd.is_large else settings.max_adjusted
+    for candidate in candidates[:most]:
         long = best is not None and candidate.length > (1.0 - settings.switch_gain) * best.path.length
         if best is not None and attempt.is_full(best) and long:
             break

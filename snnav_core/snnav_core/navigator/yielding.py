@@ -60,6 +60,7 @@ class Yielding:
         self._refused: dict[tuple[str, str], int] = {}
         self._texts: dict[str, str] = {}
         self._ways: Ways
+        self.sought = 0  # places that were looked for in this step
 
     @property
     def waits_for(self) -> dict[str, tuple[str, ...]]:
@@ -99,6 +100,7 @@ class Yielding:
         """
         self._ways = ways
         self._texts.clear()
+        self.sought = 0
         self._refused = {pair: left - 1 for pair, left in self._refused.items() if left > 1}
         self._release()
         names = [name for name in precedence.order if name in ways.parties]
@@ -327,6 +329,7 @@ class Yielding:
                 fixed.append((*another.position.tolist(), min(need, 0.98 * gap - 1e-3)))
             else:
                 avoid.append(Claim(spot, need))
+        self.sought += 1
         search = PlaceSearch(ways.context, party.position, party.distances, _goal(party))
         return search.nearest(tuple(fixed), tuple(later), claims, avoid)
 

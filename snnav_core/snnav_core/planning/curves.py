@@ -19,7 +19,7 @@ _TURN = 1e-12
 _BIN_SIZE = 0.5  # [m]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _crossing(px, py, dx, dy, e, starts, ends, following):  # type: ignore[no-untyped-def]
     """Share of the segment p -> p + d at which it crosses the boundary on edge e or at the end of e; inf for none.
 
@@ -57,7 +57,7 @@ def _crossing(px, py, dx, dy, e, starts, ends, following):  # type: ignore[no-un
     return max(first, 0.0) if blocked else math.inf
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _first_crossing(px, py, dx, dy, starts, ends, following, offsets, members, origin, size, columns, rows):  # type: ignore[no-untyped-def]
     """Smallest share of the segment p -> p + d at which it crosses the boundary, and the edge there; inf, -1 for none.
 
@@ -96,7 +96,7 @@ def _first_crossing(px, py, dx, dy, starts, ends, following, offsets, members, o
     return best, edge
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _first_hits(sources, targets, starts, ends, following, offsets, members, origin, size, columns, rows):  # type: ignore[no-untyped-def]
     """For each segment source -> target the smallest share at which it crosses the boundary, and the edge there."""
     share = np.full(sources.shape[0], np.inf)
@@ -121,7 +121,7 @@ def _first_hits(sources, targets, starts, ends, following, offsets, members, ori
     return share, edge
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _tangent_graph(corners, before, starts, ends, following, offsets, members, origin, size, columns, rows):  # type: ignore[no-untyped-def]
     """All pairs of corners whose connection touches both corners from outside and crosses no edge."""
     found_from = []
@@ -151,7 +151,7 @@ def _tangent_graph(corners, before, starts, ends, following, offsets, members, o
     return np.array(found_from), np.array(found_to), np.array(lengths)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _touches(corner, previous, following, dx, dy, eps):  # type: ignore[no-untyped-def]
     """Whether both neighbours of a corner lie on one side of the line through it."""
     ca = dx * (previous[1] - corner[1]) - dy * (previous[0] - corner[0])
