@@ -85,10 +85,10 @@ def turn_first(
     """A turn in place of a robot that stands, where driving off along its heading makes the way much longer.
 
     On its circles a robot that faces away drives up to three quarters of a turn, and around what is beside it. Among
-    others it drives off: while it stands and turns it is in their way.
+    others, and where something may come nearer, it drives off: while it stands and turns it is in their way.
     """
-    stands = last is None or last.path.turn_to is not None
-    if attempt.others or not stands or plan.path.turn_to is not None:
+    stands, alone = last is None or last.path.turn_to is not None, not attempt.others
+    if not alone or attempt.settings.boundary_speed > 0.0 or not stands or plan.path.turn_to is not None:
         return None
     way = shortest_way(attempt.context, route, attempt.pose)
     if way is None or plan.path.length <= _WORTH * float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum()):
