@@ -181,8 +181,8 @@ class GroundNavigator:
         self._hear(heard, goals)
         self._before = dict(self._memory)
         self._cast, sequence = {}, self._rank(time, states, goals)
-        left = self.settings.searches_per_step - _PLACE_SEARCH * self._right_of_way.sought
-        self._turns = Turns(max(1, left))
+        sought = self._right_of_way.sought if len(self.robots) > self.settings.crowd else 0
+        self._turns = Turns(max(1, self.settings.searches_per_step - _PLACE_SEARCH * sought))
         decided: dict[str, PlannedPath | Stop] = {}
         for name in sequence:
             others = self._others(name, time, decided)
