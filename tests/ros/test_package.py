@@ -25,5 +25,6 @@ def test_every_executable_loads() -> None:
         "planner_node",
         "robot_node",
         "clock_node",
+        "operator_node",
     } == scripts.keys()
     assert all(callable(entry.load()) for entry in scripts.values())
