@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 
 # Floors from below; a module may import from its own floor and from those below it.
 CORE_FLOORS: tuple[tuple[str, ...], ...] = (
-    ("errors", "types"),
+    ("errors", "types", "obstacles"),
     ("sensing", "motion"),
     ("area", "mapping", "search", "tracking"),
     ("planning",),
