@@ -53,40 +53,23 @@ def nearest_boundary(  # type: ignore[no-untyped-def]
     """Signed distance of one point and its gradient, for other kernels; arguments as in `ClearanceField.arrays`."""
     if not (abs(px) < _FARTHEST and abs(py) < _FARTHEST):
         return -math.inf, 0.0, 0.0  # NaN too: nothing is known to be free there
-    cx = int(math.floor((px - origin[0]) / size))
-    cy = int(math.floor((py - origin[1]) / size))
-    # Rings of bins start where the grid does, for a point outside of it.
-    ring = max(0, -cx, -cy, cx - nx + 1, cy - ny + 1)
+    cx, cy, rim, ring, last = _rings(px, py, origin, size, nx, ny)
     best = limit * limit
     found = -1
     found_t = 0.0
-    last = max(max(cx, nx - 1 - cx), max(cy, ny - 1 - cy))
-    inside_x = px - origin[0] - cx * size
-    inside_y = py - origin[1] - cy * size
-    rim = min(min(inside_x, size - inside_x), min(inside_y, size - inside_y))
     while ring <= last:
         if ring > 0:
             reach = (ring - 1) * size + rim
             if reach > 0.0 and reach * reach > best:
                 break
         for ix in range(max(cx - ring, 0), min(cx + ring, nx - 1) + 1):
-            edge = ix == cx - ring or ix == cx + ring
-            step = 1 if edge else 2 * ring
-            iy = max(cy - ring, 0) if edge else cy - ring
-            while iy <= min(cy + ring, ny - 1):
-                if iy >= 0:
-                    b = ix * ny + iy
-                    for m in range(offsets[b], offsets[b + 1]):
-                        s = members[m]
-                        ax, ay = starts[s, 0], starts[s, 1]
-                        dx, dy = ends[s, 0] - ax, ends[s, 1] - ay
-                        t = ((px - ax) * dx + (py - ay) * dy) / (dx * dx + dy * dy)
-                        t = min(max(t, 0.0), 1.0)
-                        qx, qy = px - ax - t * dx, py - ay - t * dy
-                        square = qx * qx + qy * qy
-                        if square < best:
-                            best, found, found_t = square, s, t
-                iy += step
+            for iy in _column(ix, cx, cy, ring, ny):
+                b = ix * ny + iy
+                for m in range(offsets[b], offsets[b + 1]):
+                    s = members[m]
+                    square, t = _square_to(px, py, s, starts, ends)
+                    if square < best:
+                        best, found, found_t = square, s, t
         ring += 1
     if found < 0:
         return limit, 0.0, 0.0
@@ -101,12 +84,7 @@ def nearby_boundary(px, py, slack, found, starts, ends, offsets, members, origin
     """
     if not (abs(px) < _FARTHEST and abs(py) < _FARTHEST):
         return -1
-    cx = int(math.floor((px - origin[0]) / size))
-    cy = int(math.floor((py - origin[1]) / size))
-    ring = max(0, -cx, -cy, cx - nx + 1, cy - ny + 1)
-    last = max(max(cx, nx - 1 - cx), max(cy, ny - 1 - cy))
-    inside_x, inside_y = px - origin[0] - cx * size, py - origin[1] - cy * size
-    rim = min(min(inside_x, size - inside_x), min(inside_y, size - inside_y))
+    cx, cy, rim, ring, last = _rings(px, py, origin, size, nx, ny)
     squares = np.empty(len(found))
     best, farthest, count = math.inf, math.inf, 0
     while ring <= last:
@@ -115,30 +93,49 @@ def nearby_boundary(px, py, slack, found, starts, ends, offsets, members, origin
             if reach > 0.0 and reach * reach > farthest:
                 break
         for ix in range(max(cx - ring, 0), min(cx + ring, nx - 1) + 1):
-            edge = ix == cx - ring or ix == cx + ring
-            step = 1 if edge else 2 * ring
-            iy = max(cy - ring, 0) if edge else cy - ring
-            while iy <= min(cy + ring, ny - 1):
-                if iy >= 0:
-                    b = ix * ny + iy
-                    for m in range(offsets[b], offsets[b + 1]):
-                        s = members[m]
-                        square, _ = _square_to(px, py, s, starts, ends)
-                        if square > farthest:
-                            continue
-                        if square < best:
-                            best = square
-                            farthest = (math.sqrt(best) + slack) ** 2
-                            count = _keep(found, squares, count, farthest)
-                        if s in found[:count]:
-                            continue
-                        if count == len(found):
-                            return -1
-                        found[count], squares[count] = s, square
-                        count += 1
-                iy += step
+            for iy in _column(ix, cx, cy, ring, ny):
+                b = ix * ny + iy
+                for m in range(offsets[b], offsets[b + 1]):
+                    s = members[m]
+                    square, _ = _square_to(px, py, s, starts, ends)
+                    if square > farthest:
+                        continue
+                    if square < best:
+                        best = square
+                        farthest = (math.sqrt(best) + slack) ** 2
+                        count = _keep(found, squares, count, farthest)
+                    if s in found[:count]:
+                        continue
+                    if count == len(found):
+                        return -1
+                    found[count], squares[count] = s, square
+                    count += 1
         ring += 1
     return count if count > 0 else -1
+
+
+@numba.njit(cache=True, nogil=True)
+def _rings(px, py, origin, size, nx, ny):  # type: ignore[no-untyped-def]
+    """Bin (cx, cy) of a point, its distance [m] from the rim of the bin, and the first and last ring of bins around it.
+
+    Rings start where the grid does, for a point outside of it.
+    """
+    cx = int(math.floor((px - origin[0]) / size))
+    cy = int(math.floor((py - origin[1]) / size))
+    inside_x, inside_y = px - origin[0] - cx * size, py - origin[1] - cy * size
+    rim = min(min(inside_x, size - inside_x), min(inside_y, size - inside_y))
+    first = max(0, -cx, -cy, cx - nx + 1, cy - ny + 1)
+    last = max(max(cx, nx - 1 - cx), max(cy, ny - 1 - cy))
+    return cx, cy, rim, first, last
+
+
+@numba.njit(cache=True, nogil=True)
+def _column(ix, cx, cy, ring, ny):  # type: ignore[no-untyped-def]
+    """Rows of the bins of a ring in column `ix` of the grid: all of them at its two ends, else top and bottom."""
+    if ix == cx - ring or ix == cx + ring:
+        return range(max(cy - ring, 0), min(cy + ring, ny - 1) + 1, 1)
+    first = cy - ring if cy >= ring else cy + ring
+    return range(first, min(cy + ring, ny - 1) + 1, 2 * ring)
 
 
 @numba.njit(cache=True, nogil=True)
