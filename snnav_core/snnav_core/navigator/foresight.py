@@ -104,16 +104,7 @@ def _risk_of_plan(attempt: Attempt, forecast: Forecast, plan: PlannedPath) -> fl
 def _evade(attempt: Attempt, forecast: Forecast, disks: Disks) -> tuple[PlannedPath, float] | None:
     """The certified path to a place where what advances leaves most room, and its risk; None without any.
 
-    Parameters
-    ----------
-    attempt : Attempt
-    disks : Disks
-        Of standing robots.
-
-    Notes
-    -----
-    Ch. 3 promises nothing beyond the window. A robot that stops where something may come nearer loses its margin; here
-    it makes room in time. Where to is a guess from what has moved before (`Forecast`); the way there is certified.
+    As `evasion.evade`, but where to is a guess from what has moved before (`Forecast`); the way there is certified.
     """
     best: tuple[PlannedPath, float] | None = None
     for refuge, straight in _refuges(attempt, forecast):
