@@ -17,7 +17,7 @@ def test_a_body_moves_by_its_velocity_from_its_stamp_on() -> None:
     body = MovingObstacle("cart", SQUARE, velocity=np.array([0.3, -0.4]), stamp=2.0)
     assert body.speed == pytest.approx(0.5)
     np.testing.assert_allclose(body.outline_at(2.0), SQUARE)
-    np.testing.assert_allclose(body.outline_at(4.0), SQUARE + [0.6, -0.8])
+    np.testing.assert_allclose(body.outline_at(4.0), SQUARE + np.array([0.6, -0.8]))
 
 
 @pytest.mark.parametrize(
