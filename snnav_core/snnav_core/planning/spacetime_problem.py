@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 from snnav_core.errors import InvalidInput
@@ -101,7 +101,7 @@ class SpacetimeSettings:
     sampling_interval: float = 0.3
     safety_margin: float = 0.6
     tracking_tolerance: float = 0.02
-    adjustment: AdjustmentSettings = AdjustmentSettings(pull=0.07)
+    adjustment: AdjustmentSettings = field(default_factory=lambda: AdjustmentSettings(pull=0.07))
     graze: float = 0.025
     candidates: int = 64
     longest: float = 3.0
