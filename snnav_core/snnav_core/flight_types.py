@@ -1,0 +1,85 @@
+"""Values of flying robots: their state and their command (Ch. 4, robot model)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from snnav_core.errors import InvalidInput
+from snnav_core.types import FloatArray
+
+__all__ = ["FlightCommand", "FlyerState", "direction_of"]
+
+_UNIT_TOLERANCE = 1e-6
+
+
+def direction_of(heading: float, pitch: float) -> FloatArray:
+    """Return the unit vector of a heading [rad, map, from the x axis] and a pitch [rad, upwards positive], (3,)."""
+    level = math.cos(pitch)
+    return np.array([level * math.cos(heading), level * math.sin(heading), math.sin(pitch)])
+
+
+def _vector(name: str, value: FloatArray) -> FloatArray:
+    array = np.array(value, dtype=np.float64)
+    if array.shape != (3,) or not np.isfinite(array).all():
+        raise InvalidInput(f"{name} is {array.tolist()}, expected three finite numbers")
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True)
+class FlyerState:
+    """Where a flying robot is and where it heads (Ch. 4, s(t) and i(t)).
+
+    Parameters
+    ----------
+    id : str
+    position : array_like, shape (3,)
+        [m, map]
+    direction : array_like, shape (3,)
+        Unit vector of travel [map].
+    stamp : float
+        [s]
+    speed : float
+        [m/s]; 0 while it hovers.
+
+    Raises
+    ------
+    InvalidInput
+        If a vector is not finite or the direction has not length 1.
+    """
+
+    id: str
+    position: FloatArray
+    direction: FloatArray
+    stamp: float
+    speed: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", _vector(f"robot {self.id!r}: position", self.position))
+        direction = _vector(f"robot {self.id!r}: direction", self.direction)
+        length = float(np.linalg.norm(direction))
+        if abs(length - 1.0) > _UNIT_TOLERANCE:
+            raise InvalidInput(f"robot {self.id!r}: direction has length {length:.6g}, must be a unit vector")
+        object.__setattr__(self, "direction", direction)
+
+
+@dataclass(frozen=True)
+class FlightCommand:
+    """Speed and turn of a flying robot (Ch. 4, u).
+
+    Parameters
+    ----------
+    speed : float
+        [m/s]
+    turn : array_like, shape (3,)
+        Rate of change of the direction [rad/s, map], perpendicular to it.
+    """
+
+    speed: float
+    turn: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "turn", _vector("flight command: turn", self.turn))
