@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+pytest.register_assert_rewrite("support")
+
 _ROS_FOLDERS = ("ros", "system")
 _DOMAINS = 100  # domains 1 to 100: their ports lie below the range that Linux gives out by itself
 _next_domain = itertools.count(

@@ -9,12 +9,10 @@ from __future__ import annotations
 import itertools
 import math
 import signal
-import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path as FilePath
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,15 +20,12 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
-from rclpy.node import Node
 
 from snnav_core.types import StopReason
-from snnav_ros.available import make_executor
-from snnav_ros.bringup import plan_nodes
-from snnav_ros.convert import MAP_FRAME, nanoseconds_from_stamp, seconds, verdict_from_message
+from snnav_ros.convert import nanoseconds_from_stamp, seconds, verdict_from_message
 from snnav_ros.processes import ChildProcesses
 from snnav_sim.scene import parse_scene
-from snnav_sim.warm_up import warm_up
+from support.process_site import ProcessSite, goal_at, processes
 
 SCENE = """
 name: crossing_hall
@@ -52,23 +47,19 @@ HALL = parse_scene(SCENE, "crossing_hall")
 INTERVAL, WINDOW = HALL.sampling_interval, HALL.sampling_interval * HALL.time_window
 SERVED = {"planner_1": ["a", "b"], "planner_2": ["c", "d"]}
 STILL = 1e-3  # [m/s]
-LATE = (
-    0.15  # [s] that a certificate may come after its stamp when it is compared with odometry heard before it
-)
+LATE = 0.15  # [s] that a certificate may come after its stamp, compared with odometry heard before it
 LONGEST = 60.0  # [s]
 
 
-class Site:
+class Site(ProcessSite):
     """All nodes as processes, and a node that notes where robots are and sends them to and fro."""
 
-    def __init__(self, children: ChildProcesses, context: Any, folder: FilePath) -> None:
-        self.children, self.time = children, -1.0
+    def __init__(self, children: ChildProcesses, context: rclpy.Context, folder: FilePath) -> None:
+        super().__init__(children, context, LONGEST)
+        self.time = -1.0
         self.rows: dict[str, list[tuple[float, float, float, float]]] = {r.id: [] for r in HALL.robots}
         self.windows: dict[str, list[tuple[float, float]]] = {r.id: [] for r in HALL.robots}
         self.paths = dict.fromkeys(self.rows, 0)
-        self.node = Node("site", context=context, enable_rosout=False, start_parameter_services=False)
-        self.executor = make_executor(context)
-        self.executor.add_node(self.node)
         self._goals, self._ends = {}, {}
         for robot in HALL.robots:
             name = robot.id
@@ -77,10 +68,7 @@ class Site:
             self.node.create_subscription(Odometry, f"{name}/odom", partial(self._on_odometry, name), 100)
             take = partial(self._on_certificate, name)
             self.node.create_subscription(DiagnosticStatus, f"{name}/certificate", take, 100)
-        file = folder / "scene.yaml"
-        file.write_text(SCENE, encoding="utf-8")
-        for plan in plan_nodes(HALL, file, realtime=True, processes=True, seed=1, planners=2):
-            children.start(plan.name, f"snnav_ros.nodes.{plan.module}_node", plan.parameters)
+        self.start(SCENE, folder, planners=2)
 
     def _on_odometry(self, name: str, message: Odometry) -> None:
         self.time = seconds(nanoseconds_from_stamp(message.header.stamp))
@@ -94,19 +82,7 @@ class Site:
             self.paths[name] += 1
         elif verdict.stop is not None and verdict.stop.reason is StopReason.ARRIVED:
             here = self.rows[name][-1][1:3]
-            goal = PoseStamped()
-            goal.header.frame_id = MAP_FRAME
-            goal.pose.position.x, goal.pose.position.y = max(
-                self._ends[name], key=lambda end: math.dist(end, here)
-            )
-            self._goals[name].publish(goal)
-
-    def until(self, condition: Callable[[], bool], what: str, longest: float = LONGEST) -> None:
-        end = time.monotonic() + longest
-        while not condition():
-            assert not (ended := self.children.ended()), ended
-            assert time.monotonic() < end, f"waited {longest} s for {what}"
-            self.executor.spin_once(timeout_sec=0.02)
+            self._goals[name].publish(goal_at(*max(self._ends[name], key=lambda end: math.dist(end, here))))
 
     def work(self, duration: float) -> None:
         end = self.time + duration
@@ -124,15 +100,7 @@ class Site:
 
 @contextmanager
 def site(folder: FilePath, domain: int) -> Iterator[Site]:
-    warm_up()
-    with ExitStack() as stack:
-        context = rclpy.Context()
-        rclpy.init(args=[], context=context, domain_id=domain)
-        stack.callback(rclpy.try_shutdown, context=context)
-        children = stack.enter_context(ChildProcesses(folder, domain))
-        made = Site(children, context, folder)
-        stack.callback(made.node.destroy_node)
-        stack.callback(made.executor.shutdown)
+    with processes(folder, domain) as (children, context), closing(Site(children, context, folder)) as made:
         yield made
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,62 +13,26 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from shapely.geometry import MultiPolygon
 
-from snnav_core.area.planar import as_multipolygon
 from snnav_core.errors import InvalidInput
 from snnav_core.planning.certificate import (
     PIECES_PER_LINK,
-    BoundaryIndex,
-    CertificateSettings,
-    certify,
 )
-from snnav_core.planning.separation import OtherRobot
-from snnav_core.types import Certificate, FloatArray, Pose2D, RobotSpec, TimedPath
-
-ROBOT = RobotSpec("robot_1", 0.3, 1.0, 0.5)  # R_min = 2 m
-SETTINGS = CertificateSettings(1.0, 0.0, 1.0, 4)
-HALL = shapely.box(-5.0, -10.0, 40.0, 10.0)
-START, STEP = 7.0, 0.5
-
-seeds = st.integers(0, 2**32 - 1)
-
-
-def straight(links: int = 20) -> FloatArray:
-    return np.column_stack((STEP * np.arange(links + 1), np.zeros(links + 1)))
-
-
-def hall_without(*obstacles: shapely.Geometry) -> MultiPolygon:
-    return as_multipolygon(shapely.difference(HALL, shapely.union_all(obstacles)))
-
-
-def check(
-    points: FloatArray | TimedPath,
-    region: shapely.Geometry = HALL,
-    pose: Pose2D | None = None,
-    others: Sequence[OtherRobot] = (),
-    robot: RobotSpec = ROBOT,
-    least_window: int = 4,
-    **changes: Any,
-) -> Certificate:
-    path = points if isinstance(points, TimedPath) else TimedPath(START, STEP, points)
-    x, y = path.points[0]
-    return certify(
-        path,
-        robot,
-        pose or Pose2D(float(x), float(y), 0.0),
-        BoundaryIndex(as_multipolygon(region)),
-        6.5,
-        others,
-        replace(SETTINGS, **changes),
-        least_window,
-    )
-
-
-def refused(certificate: Certificate, reason: str) -> bool:
-    return not certificate.accepted and reason in certificate.reason
-
-
-def box_at(x: float, y: float, half: float = 0.2) -> shapely.Polygon:
-    return shapely.box(x - half, y - half, x + half, y + half)
+from snnav_core.types import Pose2D, TimedPath
+from support.certificates import (
+    ROBOT,
+    SETTINGS,
+    START,
+    STEP,
+    box_at,
+    check,
+    dense,
+    hall_without,
+    random_area,
+    random_path,
+    refused,
+    seeds,
+    straight,
+)
 
 
 def test_a_clean_path_is_accepted_for_the_whole_window_with_its_figures() -> None:
@@ -254,42 +217,6 @@ def test_a_turn_in_place_stands_the_whole_window() -> None:
     assert check(turn, wall_near, boundary_speed=0.5, least_window=1).valid_until == START + 1.0
 
 
-def other(points: Any, step: float = STEP, start: float = START, radius: float = 0.3) -> OtherRobot:
-    return OtherRobot("robot_2", radius, TimedPath(start, step, np.array(points, dtype=np.float64)))
-
-
-def test_a_robot_that_crosses_between_two_samples_is_seen() -> None:
-    fast = np.column_stack((np.full(9, 1.25), 3.0 * np.arange(9) - 7.5))
-    at_samples = np.linalg.norm(straight(8) - fast, axis=1).min()
-    assert at_samples > 1.3, "far enough at every sample"
-    certificate = check(straight(), others=[other(fast)])
-    assert refused(certificate, "of robot robot_2 after 1.00 s, margin 1.020 m"), (
-        "both may be off their paths"
-    )
-    assert certificate.least_separation == pytest.approx(-0.3, abs=0.05)
-    assert check(straight(), others=[other(fast, start=START - 2.0)]).accepted, "it has passed before"
-
-
-def test_a_standing_robot_is_kept_clear_of_also_beside_a_link() -> None:
-    for y, accepted in ((1.321, True), (1.319, False)):
-        assert check(straight(), others=[other([[1.25, y]])]).accepted == accepted
-    later = check(straight(), others=[other([[3.25, 1.2]])], least_window=1)
-    assert later.accepted
-    assert later.valid_until == START + 2.0
-    assert later.least_separation == pytest.approx(0.9)
-
-
-def test_another_robot_stays_at_the_end_of_its_path() -> None:
-    arriving = other([[3.25, 6.0], [3.25, 4.0], [3.25, 0.5]])
-    assert refused(check(straight(), others=[arriving]), "of robot robot_2")
-
-
-def test_robots_that_stand_too_near_may_only_part() -> None:
-    behind, ahead = other([[-0.9, 0.0]]), other([[0.9, 0.0]])
-    assert check(straight(), others=[behind]).accepted
-    assert refused(check(straight(), others=[ahead], least_window=1), "margin 0.600 m")
-
-
 @pytest.mark.parametrize(
     "changes",
     [
@@ -305,37 +232,6 @@ def test_robots_that_stand_too_near_may_only_part() -> None:
 def test_settings_out_of_range_are_refused(changes: dict[str, Any]) -> None:
     with pytest.raises(InvalidInput, match="must be"):
         replace(SETTINGS, **changes)
-
-
-def random_path(generator: np.random.Generator, links: int) -> FloatArray:
-    """Return a path that the robot can drive: even links, turns within the radius."""
-    largest = 2.0 * math.asin(STEP / (2.0 * 2.0))
-    turns = generator.uniform(-largest, largest) + 0.3 * generator.uniform(-largest, largest, links)
-    heading = np.cumsum(np.clip(turns, -largest, largest)) - turns[0]
-    steps = STEP * np.column_stack((np.cos(heading), np.sin(heading)))
-    return np.vstack((np.zeros(2), np.cumsum(steps, axis=0)))
-
-
-def random_area(generator: np.random.Generator, points: FloatArray, least: float) -> MultiPolygon:
-    """Return a hall with obstacles at random distances from a path, mostly near the demanded one."""
-    obstacles = []
-    for _ in range(int(generator.integers(1, 6))):
-        centre = points[int(generator.integers(0, len(points)))] + generator.normal(0.0, 2.5, 2)
-        shape = shapely.Point(centre).buffer(
-            generator.uniform(0.05, 0.5), quad_segs=int(generator.integers(1, 4))
-        )
-        gap = shapely.distance(shape, shapely.LineString(points))
-        if gap > least:
-            obstacles.append(shape)
-    return as_multipolygon(shapely.difference(shapely.box(-40, -40, 40, 40), shapely.union_all(obstacles)))
-
-
-def dense(points: FloatArray, until: float) -> tuple[FloatArray, FloatArray]:
-    """Return times and positions every millimetre of the way up to a time."""
-    times = np.arange(0.0, min(until, STEP * (len(points) - 1)) + 1e-12, 0.001)
-    index = np.minimum((times / STEP).astype(np.int64), len(points) - 2)
-    share = (times / STEP - index)[:, None]
-    return times, points[index] * (1.0 - share) + points[index + 1] * share
 
 
 @given(seeds, st.sampled_from((0.0, 0.2, 0.5)), st.integers(8, 20))
@@ -386,56 +282,6 @@ def test_an_accepted_path_moved_nearer_by_more_than_its_reserve_is_refused(
     nearer = points.copy()
     nearer[moved] += gap / distance * (reserve + excess)
     assert not check(nearer, region, boundary_speed=speed).accepted
-
-
-@given(seeds, st.integers(2, 16))
-def test_the_separation_is_that_of_dense_sampling(seed: int, links: int) -> None:
-    generator = np.random.default_rng(seed)
-    points = random_path(generator, 12)
-    way = generator.normal((2.0, 0.0), 2.0) + np.cumsum(generator.normal(0.0, 0.5, (links, 2)), axis=0)
-    robot = other(
-        way, step=float(generator.uniform(0.1, 1.0)), start=START - float(generator.uniform(0.0, 2.0))
-    )
-    certificate = check(points, others=[robot], least_window=1)
-    times, positions = dense(points, 4.0)
-    distance = np.linalg.norm(positions - robot.path.positions_at(START + times), axis=1) - 0.3
-    assert certificate.least_separation <= distance.min() + 1e-9
-    assert certificate.least_separation >= distance.min() - 0.02
-    margin = min(1.0, distance[0])
-    if certificate.accepted:
-        assert (distance[times <= certificate.valid_until - START + 1e-9] >= margin - 1e-6).all()
-    # Up to the next decision, 1 s, the other robot may also stop anywhere on its way.
-    soon = times <= 1.0 + 1e-9
-    anywhere = positions[soon][:, None] - robot.path.positions_at(START + times[soon])[None]
-    if distance.min() > 1.02 and np.linalg.norm(anywhere, axis=2).min() - 0.3 > 1.02:
-        assert not certificate.reason.startswith("comes within")
-
-
-def test_the_distance_of_segments_is_exact_and_zero_outside() -> None:
-    region = hall_without(box_at(3.0, 3.0))
-    starts = np.array([[0, 0], [3, 0], [2, 3], [50, 0], [1, 1], [3, 3]], dtype=np.float64)
-    ends = np.array([[1, 0], [3, 2], [4, 3], [51, 0], [1, 1], [3, 3.1]], dtype=np.float64)
-    segments = np.stack((starts, ends), axis=1)
-    expected = shapely.distance(shapely.linestrings(segments), region.boundary)
-    expected[[3, 5]] = 0.0
-    np.testing.assert_allclose(BoundaryIndex(region).distances(segments), expected, atol=1e-8)
-    assert BoundaryIndex(region).distances(np.empty((0, 2, 2))).shape == (0,)
-    np.testing.assert_array_equal(BoundaryIndex(MultiPolygon()).distances(segments), 0.0)
-
-
-@given(st.integers(0, 2**32 - 1), st.floats(0.05, 2.0))
-def test_distances_up_to_a_bound_are_those_without_one(seed: int, enough: float) -> None:
-    generator = np.random.default_rng(seed)
-    points = random_path(generator, 30) + generator.uniform(-42.0, 42.0, 2) * (seed % 3 == 0)
-    index = BoundaryIndex(random_area(generator, points, -1.0 if seed % 2 else 0.2))
-    segments = np.stack((points[:-1], points[1:]), axis=1)
-    bounds = enough * generator.uniform(0.2, 1.0, len(segments))
-    exact, bounded = index.distances(segments), index.distances_below(segments, bounds)
-    near = exact <= bounds
-    np.testing.assert_array_equal(bounded[near], exact[near])
-    assert np.isinf(bounded[exact > bounds + 1e-9]).all()
-    if (exact > 0.0).all():
-        assert index.least_distance(points) == pytest.approx(exact.min(), abs=1e-9)
 
 
 def test_a_path_in_the_open_tells_its_distance_to_what_is_far_away() -> None:

@@ -6,11 +6,6 @@ from typing import Any
 
 import pytest
 import shapely
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Odometry, Path
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
@@ -19,84 +14,14 @@ from snnav_core.types import Pose2D, StopReason
 from snnav_ros.convert import (
     area_to_message,
     lost_to_message,
-    odometry_to_message,
     path_from_message,
     stamp_message,
-    verdict_from_message,
 )
 from snnav_ros.convert.seal import seal_of
 from snnav_ros.nodes.planner import PlannerNode
 from snnav_ros.parameters import ParameterError
 from snnav_ros.qos import LATCHED
-
-SECOND = 10**9
-SITE = {
-    "sampling_interval": 1.0,
-    "safety_margin": 0.5,
-    "boundary_speed": 0.0,
-    "robots": ["cart"],
-    "cart.radius": 0.3,
-    "cart.speed": 0.5,
-    "cart.max_turn_rate": 1.0,
-    "use_sim_time": True,
-}
-HALL = shapely.MultiPolygon([shapely.box(0.0, 0.0, 12.0, 6.0)])
-
-
-class Site:
-    """A planner of one cart in an empty hall."""
-
-    def __init__(self, graph: Any, **changes: Any) -> None:
-        self.graph = graph
-        self.paths = graph.hear(Path, "cart/path")
-        self.verdicts = graph.hear(DiagnosticStatus, "cart/certificate")
-        self.diagnostics = graph.hear(DiagnosticArray, "/diagnostics")
-        self.node = graph.add(PlannerNode, lean=False, **{**SITE, **changes})
-        self.area = graph.speak(PointCloud2, "unoccupied_area", LATCHED)
-        self.odometry = graph.speak(Odometry, "cart/odom")
-        self.goal = graph.speak(PoseStamped, "cart/goal_pose", 1)
-        self.clock = graph.speak(Clock, "/clock", 1)
-
-    def at(self, stamp: int) -> None:
-        self.clock.publish(Clock(clock=stamp_message(stamp)))
-        self.graph.until(lambda: self.node.get_clock().now().nanoseconds == stamp, "the clock")
-
-    def drive_to(self, x: float, y: float, frame: str = "map") -> None:
-        message = PoseStamped()
-        message.header.frame_id = frame
-        message.pose.position.x, message.pose.position.y = x, y
-        self.goal.publish(message)
-        if frame == "map":
-            self.graph.until(lambda: self.node._goals.get("cart") == (x, y), "the goal")
-
-    def stand(self, stamp: int, pose: Pose2D, frame: str = "map") -> None:
-        self.at(stamp)
-        message = odometry_to_message("cart", pose, 0.0, 0.0, stamp)
-        message.header.frame_id = frame
-        self.odometry.publish(message)
-        topic = "cart/odom"
-        self.graph.until(
-            lambda: self.node._states.get("cart", (-1,))[0] == stamp or topic in self.node._problems,
-            "odometry",
-        )
-
-    def status(self, name: str) -> DiagnosticStatus:
-        stamp = self.paths[-1].header.stamp
-        self.graph.until(
-            lambda: self.diagnostics and self.diagnostics[-1].header.stamp == stamp, "diagnostics"
-        )
-        return next(one for one in self.diagnostics[-1].status if one.name == name)
-
-    def step(self, stamp: int, region: shapely.MultiPolygon = HALL) -> tuple[Any, Any]:
-        """Publish an area; return path and verdict of the step that follows."""
-        self.at(stamp)
-        count = len(self.paths)
-        self.area.publish(area_to_message(UnoccupiedArea(stamp / SECOND, region)))
-        return self.answer(count)
-
-    def answer(self, count: int) -> tuple[Any, Any]:
-        self.graph.until(lambda: len(self.paths) > count and len(self.verdicts) > count, "a decision")
-        return self.paths[-1], verdict_from_message(self.verdicts[-1])
+from support.planner_site import HALL, SECOND, SITE, Site
 
 
 def test_area_odometry_and_goal_give_a_certified_path(graph: Any) -> None:
@@ -155,84 +80,6 @@ def test_a_stop_is_an_empty_path_with_its_reason(
     assert verdict.stop.reason is reason
     assert verdict.stop.message
     assert verdict.stamp == 1.0
-
-
-def test_without_a_new_area_all_robots_are_stopped(graph: Any) -> None:
-    site = Site(graph, max_area_age=2.0)
-    site.at(SECOND)
-    site.drive_to(10.0, 3.0)
-    site.stand(SECOND, Pose2D(2.0, 3.0, 0.0))
-    message, _ = site.step(SECOND)
-    assert message.poses
-    for tick in range(11, 30):
-        site.at(tick * SECOND // 10)
-    graph.work(0.05)
-    assert len(site.paths) == 1  # young enough
-    count = len(site.paths)
-    for tick in range(30, 45):
-        site.at(tick * SECOND // 10)
-    message, verdict = site.answer(count)
-    assert not message.poses
-    assert verdict.stop.reason is StopReason.NO_AREA
-    assert "s old; check the fusion node" in verdict.stop.message
-
-
-def test_area_that_comes_too_late_stops_all_robots(graph: Any) -> None:
-    site = Site(graph, max_area_age=2.0, **{"cart.target": [10.0, 3.0]})
-    site.stand(3 * SECOND, Pose2D(2.0, 3.0, 0.0))
-    site.at(3 * SECOND + SECOND // 10)
-    site.area.publish(area_to_message(UnoccupiedArea(1.0, HALL)))
-    message, verdict = site.answer(0)
-    assert not message.poses
-    assert verdict.stop.reason is StopReason.NO_AREA
-    assert "the unoccupied area is 2.1 s old" in verdict.stop.message
-    assert message.header.stamp == stamp_message(3 * SECOND + SECOND // 10)
-
-
-def test_area_that_comes_late_is_shrunk_to_the_time_of_the_odometry(graph: Any) -> None:
-    site = Site(graph, boundary_speed=0.2, **{"cart.target": [10.0, 3.0]})
-    site.stand(SECOND * 3 // 2, Pose2D(2.0, 3.0, 0.0))
-    site.area.publish(area_to_message(UnoccupiedArea(1.0, HALL)))
-    message, verdict = site.answer(0)
-    assert message.header.stamp == stamp_message(SECOND * 3 // 2)
-    assert verdict.certificate.area_stamp == 1.0
-    ends = shapely.Point(path_from_message(message).points[0]).distance(HALL.boundary)
-    assert verdict.certificate.least_clearance <= ends - 0.5 * 0.2
-    site.area.publish(area_to_message(UnoccupiedArea(1.2, HALL)))  # nothing newer is known of the robot
-    graph.until(lambda: site.node._area_stamp == SECOND * 6 // 5)
-    assert len(site.paths) == 1
-
-
-@pytest.mark.parametrize("what", ["area", "odometry"])
-def test_what_is_stamped_ahead_is_not_used(graph: Any, capfd: pytest.CaptureFixture[str], what: str) -> None:
-    site = Site(graph, **{"cart.target": [10.0, 3.0]})
-    site.stand(SECOND, Pose2D(2.0, 3.0, 0.0))
-    ahead = SECOND + SECOND // 10
-    if what == "area":
-        site.area.publish(area_to_message(UnoccupiedArea(ahead / SECOND, HALL)))
-    else:
-        site.odometry.publish(odometry_to_message("cart", Pose2D(3.0, 3.0, 0.0), 0.0, 0.0, ahead))
-    graph.until(lambda: bool(site.node._problems))
-    (problem,) = site.node._problems.values()
-    assert "stamped 0.100 s ahead of the planner's clock, more than clock_tolerance 0.05 s" in problem
-    assert problem in capfd.readouterr().err
-    assert not site.paths
-    message, _ = site.step(SECOND + SECOND // 5)
-    assert path_from_message(message).points[0] == pytest.approx([2.0, 3.0])
-
-
-def test_planner_that_is_started_in_mid_run_waits_for_its_clock(
-    graph: Any, capfd: pytest.CaptureFixture[str]
-) -> None:
-    site = Site(graph, **{"cart.target": [10.0, 3.0]})
-    site.odometry.publish(odometry_to_message("cart", Pose2D(2.0, 3.0, 0.0), 0.0, 0.0, 30 * SECOND))
-    site.area.publish(area_to_message(UnoccupiedArea(30.0, HALL)))
-    graph.until(lambda: {"cart/odom", "unoccupied_area"} <= site.node._waiting._heard)
-    assert not site.paths
-    assert "message not used" not in capfd.readouterr().err
-    site.stand(31 * SECOND, Pose2D(2.0, 3.0, 0.0))
-    message, _ = site.step(31 * SECOND)
-    assert message.poses
 
 
 def test_reason_of_a_stop_is_said_once_and_again_when_it_changes(
@@ -354,21 +201,6 @@ def test_robot_can_be_switched_off_and_the_planner_reset(graph: Any) -> None:
     site.stand(2 * SECOND, Pose2D(2.0, 3.0, 0.0))
     message, _ = site.step(2 * SECOND)
     assert message.poses
-
-
-def test_time_that_jumps_back_starts_afresh(graph: Any) -> None:
-    site = Site(graph, **{"cart.target": [10.0, 3.0]})
-    site.at(100 * SECOND)
-    site.stand(100 * SECOND, Pose2D(2.0, 3.0, 0.0))
-    first, _ = site.step(100 * SECOND)
-    assert first.poses
-    site.at(SECOND)
-    assert not site.node._states
-    site.stand(SECOND, Pose2D(2.0, 3.0, 0.0))
-    again, verdict = site.step(SECOND)
-    assert again.poses
-    assert verdict.stamp == 1.0
-    assert [pose.pose for pose in again.poses] == [pose.pose for pose in first.poses]
 
 
 def test_says_what_it_waits_for(graph: Any, capfd: pytest.CaptureFixture[str]) -> None:
