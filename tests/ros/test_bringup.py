@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +20,7 @@ from snnav_ros.processes import ChildProcesses
 from snnav_sim.report.record import RunRecord
 from snnav_sim.scene import Circle, Fault, Mover, Scene, find_scene, load_scene
 from snnav_sim.simulation import simulate
+from support.waiting import until
 
 HELLO = load_scene(find_scene("hello"))
 
@@ -217,10 +217,7 @@ def children_of(parent: int) -> list[int]:
 def test_process_that_ends_is_named_with_its_last_words(tmp_path: Path, ros_domain: int) -> None:
     with ChildProcesses(tmp_path, ros_domain) as children:
         children.start("lms_9", "snnav_ros.nodes.lms200_node", {"scene": "hello", "sensor_id": "lms_9"})
-        end = time.monotonic() + 30.0
-        while not children.ended():
-            assert time.monotonic() < end
-            threading.Event().wait(0.02)
+        until(children.ended, "the end of a process")
         assert children.ended().startswith(
             "lms_9 ended with status 2: /lms_9: parameter sensor_id: value 'lms_9'"
         )

@@ -6,13 +6,14 @@ import re
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+
+from support.waiting import until
 
 NODES = {
     "lms200_node": (["scene:=hello", "sensor_id:=lms_west", "use_sim_time:=true"], "waiting for: /clock"),
@@ -117,7 +118,4 @@ def test_node_without_its_parent_ends() -> None:
     node = int(parent.stdout.readline())
     parent.kill()
     parent.wait()
-    end = time.monotonic() + 20.0
-    while Path(f"/proc/{node}").exists():
-        assert time.monotonic() < end, "the node lives on"
-        threading.Event().wait(0.02)
+    until(lambda: not Path(f"/proc/{node}").exists(), "the end of the node", longest=20.0)

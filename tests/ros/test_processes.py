@@ -3,21 +3,12 @@
 from __future__ import annotations
 
 import signal
-import threading
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 from snnav_ros.processes import ChildProcesses
+from support.waiting import until
 
 CLOCK = ("clock_node", "snnav_ros.nodes.clock_node", {"control_period": 0.1})
-
-
-def wait(condition: Callable[[], object], longest: float = 30.0) -> None:
-    end = time.monotonic() + longest
-    while not condition():
-        assert time.monotonic() < end
-        threading.Event().wait(0.02)
 
 
 def test_killed_node_is_not_missed_and_can_be_started_again(tmp_path: Path, ros_domain: int) -> None:
@@ -31,7 +22,7 @@ def test_killed_node_is_not_missed_and_can_be_started_again(tmp_path: Path, ros_
         second = children._children["clock_node"].pid
         children.restart("clock_node", rate=0.0)  # kills the one that runs; a mistake ends the new one
         assert children._children["clock_node"].pid not in (first, second)
-        wait(children.ended)
+        until(children.ended, "the end of a process")
         assert "rate: value 0.0 lies outside" in children.ended()
 
 
@@ -41,6 +32,6 @@ def test_sleeping_node_is_ended_like_others(tmp_path: Path, ros_domain: int) -> 
         process = children._children["clock_node"]
         children.kill("clock_node", signal.SIGSTOP)
         state = Path(f"/proc/{process.pid}/stat")
-        wait(lambda: state.read_text().rpartition(")")[2].split()[0] == "T")
+        until(lambda: state.read_text().rpartition(")")[2].split()[0] == "T", "a process that sleeps")
     assert process.returncode is not None
     assert process.returncode != -signal.SIGKILL

@@ -9,7 +9,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from snnav_sim.campaign.generate import campaign_scene
 from snnav_sim.campaign.run import run_seed
 from snnav_sim.campaign.summary import CSV_COLUMNS, TIME_COLUMNS
 from snnav_sim.scene import load_scene
+from support.waiting import until
 
 PROGRAM = [sys.executable, "-m", "snnav_ros.cli"]
 PATIENCE = 240.0  # [s]
@@ -56,9 +56,7 @@ def finished(directory: Path) -> int:
 
 def wait_for(runs: int, directory: Path, process: subprocess.Popen[Any]) -> None:
     """Wait until so many runs have ended; a process that ends before is found by what the test asserts."""
-    end = time.monotonic() + PATIENCE
-    while finished(directory) < runs and process.poll() is None and time.monotonic() < end:
-        time.sleep(0.01)
+    until(lambda: finished(directory) >= runs or process.poll() is not None, f"{runs} runs", longest=PATIENCE)
 
 
 @pytest.fixture(scope="module")
