@@ -29,6 +29,14 @@ def _vector(name: str, value: FloatArray) -> FloatArray:
     return array
 
 
+def _unit(name: str, value: FloatArray) -> FloatArray:
+    vector = _vector(name, value)
+    length = float(np.linalg.norm(vector))
+    if abs(length - 1.0) > _UNIT_TOLERANCE:
+        raise InvalidInput(f"{name} has length {length:.6g}, must be a unit vector")
+    return vector
+
+
 @dataclass(frozen=True)
 class FlyerState:
     """Where a flying robot is and where it heads (Ch. 4, s(t) and i(t)).
@@ -59,11 +67,7 @@ class FlyerState:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "position", _vector(f"robot {self.id!r}: position", self.position))
-        direction = _vector(f"robot {self.id!r}: direction", self.direction)
-        length = float(np.linalg.norm(direction))
-        if abs(length - 1.0) > _UNIT_TOLERANCE:
-            raise InvalidInput(f"robot {self.id!r}: direction has length {length:.6g}, must be a unit vector")
-        object.__setattr__(self, "direction", direction)
+        object.__setattr__(self, "direction", _unit(f"robot {self.id!r}: direction", self.direction))
 
 
 @dataclass(frozen=True)
@@ -76,10 +80,20 @@ class FlightCommand:
         [m/s]
     turn : array_like, shape (3,)
         Rate of change of the direction [rad/s, map], perpendicular to it.
+    direction : array_like, shape (3,), optional
+        Unit vector in which a robot that hovers leaves [map]; one that flies ignores it.
+
+    Raises
+    ------
+    InvalidInput
+        If a vector is not finite or the direction has not length 1.
     """
 
     speed: float
     turn: FloatArray
+    direction: FloatArray | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "turn", _vector("flight command: turn", self.turn))
+        if self.direction is not None:
+            object.__setattr__(self, "direction", _unit("flight command: direction", self.direction))

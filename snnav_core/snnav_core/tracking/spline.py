@@ -10,9 +10,18 @@ from scipy.interpolate import CubicSpline
 
 from snnav_core.types import FloatArray, wrap_angle
 
-__all__ = ["Track", "TrackPoint", "chain_track", "spline_track"]
+__all__ = [
+    "PIECES_PER_LINK",
+    "Track",
+    "TrackPoint",
+    "chain_track",
+    "distances_along",
+    "smooth_chain",
+    "spline_track",
+    "without_repetitions",
+]
 
-_PIECES_PER_LINK = 16
+PIECES_PER_LINK = 16
 _LEAST_LINK = 1e-3  # [m]; shorter links repeat a point
 _LEAST_PIECE = 1e-9  # [m]; a shorter piece is a point
 _SHORT_LAST_LINK = 0.3  # of the link before; a shorter last link is merged with it
@@ -99,13 +108,13 @@ def chain_track(points: FloatArray) -> Track | None:
     Track or None
         None if all points are the same: there is nothing to follow.
     """
-    chain = _without_repetitions(points)
+    chain = without_repetitions(points[:, :2])
     if len(chain) < 2:
         return None
     steps = np.diff(chain, axis=0)
     heading = np.arctan2(steps[:, 1], steps[:, 0])
     headings = np.column_stack((heading, heading))
-    return Track(chain, _distances(chain), headings, np.zeros_like(headings))
+    return Track(chain, distances_along(chain), headings, np.zeros_like(headings))
 
 
 def spline_track(points: FloatArray, initial_heading: float | None = None) -> Track | None:
@@ -128,22 +137,19 @@ def spline_track(points: FloatArray, initial_heading: float | None = None) -> Tr
     -----
     Deviation (C3-32): the thesis tracks the polygonal chain, whose heading jumps cost 26 to 35 cm.
     """
-    chain = _without_repetitions(points)
+    chain = smooth_chain(points[:, :2])
     if len(chain) < 2:
         return None
-    links = np.linalg.norm(np.diff(chain, axis=0), axis=1)
-    if len(links) > 1 and links[-1] < _SHORT_LAST_LINK * links[-2]:
-        chain = np.delete(chain, -2, axis=0)
-    knots = _distances(chain)
+    knots = distances_along(chain)
     spline = CubicSpline(knots, chain, bc_type=_end_conditions(chain, initial_heading))
-    pieces = np.arange(_PIECES_PER_LINK) / _PIECES_PER_LINK
+    pieces = np.arange(PIECES_PER_LINK) / PIECES_PER_LINK
     parameter = np.append((knots[:-1, None] + np.diff(knots)[:, None] * pieces).ravel(), knots[-1])
     velocity, acceleration = spline(parameter, 1), spline(parameter, 2)
     speed = np.maximum(np.hypot(velocity[:, 0], velocity[:, 1]), 1e-3)
     curvature = (velocity[:, 0] * acceleration[:, 1] - velocity[:, 1] * acceleration[:, 0]) / speed**3
     heading = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
     fine = spline(parameter)
-    return Track(fine, _distances(fine), _pairs(heading), _pairs(curvature))
+    return Track(fine, distances_along(fine), _pairs(heading), _pairs(curvature))
 
 
 def _end_conditions(chain: FloatArray, initial_heading: float | None) -> object:
@@ -159,9 +165,9 @@ def _end_conditions(chain: FloatArray, initial_heading: float | None) -> object:
     return (tangent, "not-a-knot" if len(chain) > 2 else (2, np.zeros(2)))
 
 
-def _without_repetitions(points: FloatArray) -> FloatArray:
-    """Drop points that repeat the one kept before; the last point always stays."""
-    chain = np.asarray(points, dtype=np.float64)[:, :2]
+def without_repetitions(points: FloatArray) -> FloatArray:
+    """Drop points (N, D) that repeat the one kept before; the last point always stays."""
+    chain = np.asarray(points, dtype=np.float64)
     kept = [0]
     for index in range(1, len(chain)):
         if math.dist(chain[index], chain[kept[-1]]) >= _LEAST_LINK:
@@ -171,7 +177,17 @@ def _without_repetitions(points: FloatArray) -> FloatArray:
     return chain[kept]
 
 
-def _distances(points: FloatArray) -> FloatArray:
+def smooth_chain(points: FloatArray) -> FloatArray:
+    """Drop repetitions, and merge a last link too short for its direction to mean anything; (N, D) -> (M, D)."""
+    chain = without_repetitions(points)
+    links = np.linalg.norm(np.diff(chain, axis=0), axis=1)
+    if len(links) > 1 and links[-1] < _SHORT_LAST_LINK * links[-2]:
+        chain = np.delete(chain, -2, axis=0)
+    return chain
+
+
+def distances_along(points: FloatArray) -> FloatArray:
+    """Length along a chain (N, D) up to every point: shape (N,) [m]."""
     return np.concatenate(((0.0,), np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
 
 
