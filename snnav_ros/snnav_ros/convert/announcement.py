@@ -8,8 +8,8 @@ from typing import Any
 
 from snnav_core.errors import InvalidInput
 from snnav_core.types import RobotSpec
-from snnav_ros.available import new_message
 from snnav_ros.convert.stamps import nanoseconds, seconds
+from snnav_ros.convert.status import status_to_message, values_from_message
 from snnav_ros.parameter_ranges import RANGES
 from snnav_sim.scene_read import is_name
 
@@ -45,13 +45,8 @@ def announcement_to_message(announcement: Announcement) -> Any:
     if spec is not None:
         values |= {name: repr(float(getattr(spec, name))) for name in _NUMBERS}
         values["can_turn_in_place"] = "true" if spec.can_turn_in_place else "false"
-    status = new_message("diagnostic_msgs/DiagnosticStatus", level=b"\x00")
-    status.name = status.hardware_id = announcement.id
-    status.message = _LEAVES if spec is None else _JOINS
-    status.values = [
-        new_message("diagnostic_msgs/KeyValue", key=key, value=value) for key, value in values.items()
-    ]
-    return status
+    text = _LEAVES if spec is None else _JOINS
+    return status_to_message(announcement.id, announcement.id, text, values)
 
 
 def announcement_from_message(message: Any, topic: str = "robots") -> Announcement:
@@ -70,9 +65,7 @@ def announcement_from_message(message: Any, topic: str = "robots") -> Announceme
             f"{topic}: {shown!r} is no name for a robot; use letters, digits and single underscores, a letter first, "
             "and no reserved name"
         )
-    values = {pair.key: pair.value for pair in message.values}
-    if len(values) < len(message.values):
-        raise InvalidInput(f"{topic}: robot {name}: a key is there twice; send every key once")
+    values = values_from_message(message, f"{topic}: robot {name}")
     if message.message not in (_JOINS, _LEAVES):
         raise InvalidInput(
             f"{topic}: robot {name}: message is {message.message[:20]!r}, write joins or leaves"

@@ -7,13 +7,12 @@ from typing import Any
 
 from snnav_core.errors import InvalidInput
 from snnav_core.types import Certificate, PathSource, PlannedPath, Stop, StopReason
-from snnav_ros.available import new_message
 from snnav_ros.convert.seal import SEAL_KEY, seal_of
 from snnav_ros.convert.stamps import nanoseconds, seconds
+from snnav_ros.convert.status import ERROR, OK, WARN, pair_message, status_to_message, values_from_message
 
 __all__ = ["Verdict", "verdict_from_message", "verdict_to_message"]
 
-_OK, _WARN, _ERROR = b"\x00", b"\x01", b"\x02"
 _TEXTS = ("robot_id", "path_digest", "reason")
 _NUMBERS = ("valid_until", "least_clearance", "least_separation", "least_radius", "area_stamp")
 
@@ -68,27 +67,18 @@ def verdict_to_message(decision: PlannedPath | Stop, stamp_ns: int, path_message
     values = {"stamp": repr(seconds(stamp_ns))}
     if isinstance(decision, Stop):
         good = decision.reason is StopReason.ARRIVED
-        status = new_message(
-            "diagnostic_msgs/DiagnosticStatus", level=_OK if good else _WARN, message=decision.message
-        )
+        level, text = OK if good else WARN, decision.message
         values["stop"] = decision.reason.value
     else:
         certificate = decision.certificate
-        status = new_message(
-            "diagnostic_msgs/DiagnosticStatus", level=_OK if certificate.accepted else _ERROR
-        )
-        status.message = "certified" if certificate.accepted else certificate.reason
+        level, text = (OK, "certified") if certificate.accepted else (ERROR, certificate.reason)
         values["accepted"] = "true" if certificate.accepted else "false"
         values |= {name: getattr(certificate, name) for name in _TEXTS}
         values |= {name: repr(float(getattr(certificate, name))) for name in _NUMBERS}
         values["source"] = decision.source.value
         values["planning_distance"] = repr(float(decision.planning_distance))
-    status.name, status.hardware_id = f"{robot}: path", robot
-    status.values = [
-        new_message("diagnostic_msgs/KeyValue", key=key, value=value) for key, value in values.items()
-    ]
-    seal = seal_of(path_message, status)
-    status.values.append(new_message("diagnostic_msgs/KeyValue", key=SEAL_KEY, value=seal))
+    status = status_to_message(f"{robot}: path", robot, text, values, level)
+    status.values.append(pair_message(SEAL_KEY, seal_of(path_message, status)))
     return status
 
 
@@ -100,9 +90,7 @@ def verdict_from_message(message: Any, topic: str = "certificate") -> Verdict:
     InvalidInput
         With topic and key if one is missing, unreadable or there twice.
     """
-    values = {pair.key: pair.value for pair in message.values}
-    if len(values) < len(message.values):
-        raise InvalidInput(f"{topic}: a key is there twice; send every key once")
+    values = values_from_message(message, topic)
     robot = message.hardware_id
     try:
         stamp, seal = seconds(nanoseconds(float(values["stamp"]))), values.get(SEAL_KEY, "")

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from snnav_core.errors import InvalidInput
-from snnav_ros.available import new_message
 from snnav_ros.convert.stamps import nanoseconds, seconds
+from snnav_ros.convert.status import status_to_message, values_from_message
 
 __all__ = ["Word", "word_from_message", "word_to_message"]
 
@@ -51,13 +51,8 @@ def word_to_message(word: Word) -> Any:
         "decided": " ".join(word.decided),
         **{f"{_STOP}{robot}": why for robot, why in word.stops},
     }
-    status = new_message("diagnostic_msgs/DiagnosticStatus", level=b"\x00")
-    status.name = status.hardware_id = word.planner
-    status.message = "decided" if word.decided else "issued nothing"
-    status.values = [
-        new_message("diagnostic_msgs/KeyValue", key=key, value=value) for key, value in values.items()
-    ]
-    return status
+    text = "decided" if word.decided else "issued nothing"
+    return status_to_message(word.planner, word.planner, text, values)
 
 
 def word_from_message(message: Any, topic: str = "planners") -> Word:
@@ -68,9 +63,7 @@ def word_from_message(message: Any, topic: str = "planners") -> Word:
     InvalidInput
         If a key is missing, unreadable or there twice.
     """
-    values = {pair.key: pair.value for pair in message.values}
-    if len(values) < len(message.values):
-        raise InvalidInput(f"{topic}: a key is there twice; send every key once")
+    values = values_from_message(message, topic)
     try:
         return Word(
             message.name,
@@ -82,5 +75,5 @@ def word_from_message(message: Any, topic: str = "planners") -> Word:
         )
     except KeyError as error:
         raise InvalidInput(f"{topic}: key {error} is missing; send all keys of a planner") from None
-    except (ValueError, OverflowError) as error:
+    except ValueError as error:
         raise InvalidInput(f"{topic}: {error}; send the keys as documented") from None
