@@ -11,9 +11,7 @@ import pytest
 import shapely
 
 from snnav_core.area.planar import UnoccupiedArea
-from snnav_core.motion.unicycle import step_unicycle
 from snnav_core.navigator.ground import GroundNavigator
-from snnav_core.tracking.planar import PlanarTracker, TrackerSettings
 from snnav_core.types import (
     FloatArray,
     PlannedPath,
@@ -23,8 +21,7 @@ from snnav_core.types import (
     Stop,
     StopReason,
 )
-
-CONTROL_PERIOD = 0.05
+from support.fleet import CONTROL_PERIOD, Fleet
 
 Goals = Mapping[str, tuple[float, float]]
 
@@ -62,31 +59,22 @@ def drive(
     """Let all robots follow what the navigator decides, until all have arrived or the time is over."""
     interval = navigator.settings.sampling_interval
     ticks = round(interval / CONTROL_PERIOD)
-    trackers = {
-        n: PlanarTracker(robot, TrackerSettings(), CONTROL_PERIOD) for n, robot in navigator.robots.items()
-    }
-    now = dict(poses)
-    log = Drive(poses={name: [pose] for name, pose in now.items()})
+    fleet = Fleet(navigator.robots, poses)
+    log = Drive(poses={name: [pose] for name, pose in poses.items()})
     for step in range(math.ceil(duration / interval)):
         time = step * interval
         area = area_at(time)
-        states = {name: RobotState(name, pose, time) for name, pose in now.items()}
+        states = fleet.states(time)
         result = navigator.step(time, area, states, goals)
         log.results.append(result)
         check_result(navigator, result, area, states)
-        for name, decision in result.decisions.items():
-            if isinstance(decision, PlannedPath):
-                until = decision.certificate.valid_until
-                trackers[name].set_path(decision.path, now[name].heading, until)
-            else:
-                trackers[name].set_path(None)
+        fleet.tell(result.decisions)
         if all(isinstance(d, Stop) and d.reason is StopReason.ARRIVED for d in result.decisions.values()):
             break
         for tick in range(ticks):
-            for name, pose in now.items():
-                command = trackers[name].command(pose, time + tick * CONTROL_PERIOD)
-                now[name] = step_unicycle(pose, command.speed, command.turn_rate, CONTROL_PERIOD)
-                log.poses[name].append(now[name])
+            fleet.move(time + tick * CONTROL_PERIOD)
+            for name, pose in fleet.poses.items():
+                log.poses[name].append(pose)
     return log
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import shapely
 
-from snnav_core.area.planar import UnoccupiedArea, as_multipolygon
+from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.errors import InvalidInput
 from snnav_core.navigator.ground import GroundNavigator
 from snnav_core.navigator.settings import NavigatorSettings
@@ -24,15 +24,11 @@ from snnav_core.types import (
     Stop,
     StopReason,
 )
+from support.hall import area
 
 Decision = PlannedPath | Stop
-HALL = shapely.box(0.0, 0.0, 20.0, 12.0)
 START, GOAL = Pose2D(2.0, 6.0, 0.0), (18.0, 6.0)
 SETTINGS = NavigatorSettings(0.5, 0.4, 4)
-
-
-def area(*obstacles: shapely.Geometry, stamp: float = 0.0) -> UnoccupiedArea:
-    return UnoccupiedArea(stamp, as_multipolygon(shapely.difference(HALL, shapely.union_all(obstacles))))
 
 
 def navigator(settings: NavigatorSettings = SETTINGS, names: Sequence[str] = ("robot",)) -> GroundNavigator:

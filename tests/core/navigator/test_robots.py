@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -11,20 +10,15 @@ import numpy as np
 import pytest
 import shapely
 
-from snnav_core.area.planar import UnoccupiedArea, as_multipolygon
-from snnav_core.motion.unicycle import step_unicycle
+from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.navigator.ground import GroundNavigator
 from snnav_core.navigator.settings import NavigatorSettings
-from snnav_core.tracking.planar import PlanarTracker, TrackerSettings
 from snnav_core.types import PlannedPath, Pose2D, RobotSpec, RobotState, Stop, StopReason
+from support.fleet import CONTROL_PERIOD, Fleet, least_separation, ring
+from support.hall import area
 
-HALL = shapely.box(0.0, 0.0, 20.0, 12.0)
 MARGIN, RADIUS = 0.4, 0.2
 APART = MARGIN + RADIUS
-
-
-def area(*obstacles: shapely.Geometry, stamp: float = 0.0) -> UnoccupiedArea:
-    return UnoccupiedArea(stamp, as_multipolygon(shapely.difference(HALL, shapely.union_all(obstacles))))
 
 
 def navigator(names: str, boundary_speed: float = 0.0) -> GroundNavigator:
@@ -35,26 +29,6 @@ def navigator(names: str, boundary_speed: float = 0.0) -> GroundNavigator:
 def all_arrived(log: Any) -> bool:
     decisions = log.results[-1].decisions.values()
     return all(isinstance(d, Stop) and d.reason is StopReason.ARRIVED for d in decisions)
-
-
-def least_separation(log: Any) -> float:
-    """Return the least distance between two robots at any control period [m]."""
-    pairs = itertools.combinations(log.poses, 2)
-    return min(
-        float(np.linalg.norm(log.positions(first) - log.positions(second), axis=1).min())
-        for first, second in pairs
-    )
-
-
-def ring(names: str, radius: float = 4.5) -> tuple[dict[str, Pose2D], dict[str, tuple[float, float]]]:
-    """Robots on a circle, each heading for the far side, a little off the others' starts."""
-    poses, goals = {}, {}
-    for index, name in enumerate(names):
-        angle = 2.0 * math.pi * index / len(names) + 0.1
-        x, y = radius * math.cos(angle), radius * math.sin(angle)
-        poses[name] = Pose2D(10.0 + x, 6.0 + y, angle + math.pi)
-        goals[name] = (10.0 - 0.9 * x, 6.0 - 0.9 * y)
-    return poses, goals
 
 
 CROSSINGS: dict[str, tuple[dict[str, Pose2D], dict[str, tuple[float, float]]]] = {
@@ -78,7 +52,7 @@ CROSSINGS: dict[str, tuple[dict[str, Pose2D], dict[str, tuple[float, float]]]] =
 def test_crossing_robots_keep_apart_and_arrive(closed_loop: Callable[..., Any], name: str) -> None:
     poses, goals = CROSSINGS[name]
     log = closed_loop(navigator("".join(poses)), area().restamped, poses, goals, 90.0)
-    assert least_separation(log) >= APART - 1e-6
+    assert least_separation({name: log.positions(name) for name in log.poses}) >= APART - 1e-6
     assert all_arrived(log), {robot: log.reasons(robot)[-1] for robot in poses}
     for robot in poses:
         assert area().clearance(log.positions(robot)).min() >= MARGIN
@@ -88,7 +62,7 @@ def test_two_robots_pass_a_gap_for_one(closed_loop: Callable[..., Any]) -> None:
     wall = area(shapely.box(9.5, 0.0, 10.5, 5.3), shapely.box(9.5, 6.7, 10.5, 12.0))
     poses = {"a": Pose2D(4.0, 6.0, 0.0), "b": Pose2D(14.0, 8.0, math.pi)}
     log = closed_loop(navigator("ab"), wall.restamped, poses, {"a": (16.0, 4.0), "b": (4.0, 9.0)}, 90.0)
-    assert least_separation(log) >= APART - 1e-6
+    assert least_separation({name: log.positions(name) for name in log.poses}) >= APART - 1e-6
     assert all_arrived(log)
     for robot in poses:
         assert wall.clearance(log.positions(robot)).min() >= MARGIN
@@ -98,7 +72,7 @@ def test_two_robots_pass_a_gap_for_one(closed_loop: Callable[..., Any]) -> None:
 def test_robots_that_stand_close_can_part(closed_loop: Callable[..., Any], gap: float) -> None:
     poses = {"a": Pose2D(8.0, 6.0, 0.0), "b": Pose2D(8.0 + gap, 6.0, math.pi)}
     log = closed_loop(navigator("ab"), area().restamped, poses, {"a": (14.0, 8.0), "b": (3.0, 4.0)}, 60.0)
-    assert least_separation(log) >= APART - 1e-6
+    assert least_separation({name: log.positions(name) for name in log.poses}) >= APART - 1e-6
     assert all_arrived(log)
 
 
@@ -113,6 +87,10 @@ def test_a_parked_robot_in_the_only_way_is_named(closed_loop: Callable[..., Any]
     assert log.last("b").reason is StopReason.NO_GOAL
 
 
+def is_unheard(decision: PlannedPath | Stop) -> bool:
+    return isinstance(decision, Stop) and decision.reason is StopReason.NO_STATE
+
+
 def drive_with_failures(
     nav: GroundNavigator,
     poses: Mapping[str, Pose2D],
@@ -122,25 +100,17 @@ def drive_with_failures(
     duration: float,
 ) -> dict[str, np.ndarray]:
     """Like the closed loop, but bases stand still and states are lost at times; return the positions."""
-    now = dict(poses)
-    trackers = {name: PlanarTracker(robot, TrackerSettings(), 0.05) for name, robot in nav.robots.items()}
+    fleet = Fleet(nav.robots, poses)
     positions: dict[str, list[np.ndarray]] = {name: [] for name in poses}
-    for tick in range(round(duration / 0.05)):
-        time = round(0.05 * tick, 9)
+    for tick in range(round(duration / CONTROL_PERIOD)):
+        time = round(CONTROL_PERIOD * tick, 9)
         if tick % 10 == 0:
-            states = {name: RobotState(name, pose, time) for name, pose in now.items() if heard(name, time)}
-            result = nav.step(time, area(stamp=time), states, goals)
-            for name, decision in result.decisions.items():
-                if isinstance(decision, PlannedPath):
-                    until = decision.certificate.valid_until
-                    trackers[name].set_path(decision.path, now[name].heading, until)
-                elif decision.reason is not StopReason.NO_STATE:
-                    trackers[name].set_path(None)
-        for name, pose in now.items():
-            command = trackers[name].command(pose, time)
-            if not fails(name, time):
-                now[name] = step_unicycle(pose, command.speed, command.turn_rate, 0.05)
-            positions[name].append(now[name].position)
+            states = {name: state for name, state in fleet.states(time).items() if heard(name, time)}
+            decisions = nav.step(time, area(stamp=time), states, goals).decisions
+            fleet.tell({name: one for name, one in decisions.items() if not is_unheard(one)})
+        fleet.move(time, [name for name in poses if fails(name, time)])
+        for name, pose in fleet.poses.items():
+            positions[name].append(pose.position)
     return {name: np.array(values) for name, values in positions.items()}
 
 
@@ -261,7 +231,7 @@ def test_five_robots_among_obstacles_keep_apart_and_arrive(
     }
     goals = dict(zip("abcde", draw(), strict=True))
     log = closed_loop(navigator("abcde"), free.restamped, poses, goals, 120.0)
-    assert least_separation(log) >= APART - 1e-6
+    assert least_separation({name: log.positions(name) for name in log.poses}) >= APART - 1e-6
     assert all_arrived(log)
     for robot in poses:
         assert free.clearance(log.positions(robot)).min() >= MARGIN

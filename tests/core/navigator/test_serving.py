@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import numpy as np
 import pytest
-import shapely
 
-from snnav_core.area.planar import UnoccupiedArea, as_multipolygon
 from snnav_core.errors import InvalidInput
-from snnav_core.motion.unicycle import step_unicycle
 from snnav_core.navigator.ground import GroundNavigator
 from snnav_core.navigator.settings import NavigatorSettings
-from snnav_core.tracking.planar import PlanarTracker, TrackerSettings
 from snnav_core.types import (
     HeardPath,
     PlannedPath,
@@ -26,8 +21,9 @@ from snnav_core.types import (
     StopReason,
     TimedPath,
 )
+from support.fleet import CONTROL_PERIOD, Fleet, least_separation, ring
+from support.hall import area
 
-HALL = as_multipolygon(shapely.box(0.0, 0.0, 20.0, 12.0))
 MARGIN, RADIUS, INTERVAL = 0.4, 0.2, 0.5
 APART = MARGIN + RADIUS
 SETTINGS = NavigatorSettings(INTERVAL, MARGIN, 4)
@@ -44,24 +40,10 @@ def navigator(names: str, serves: str | None = None) -> GroundNavigator:
     return GroundNavigator([spec(name) for name in names], SETTINGS, serves)
 
 
-def area(time: float) -> UnoccupiedArea:
-    return UnoccupiedArea(time, HALL)
-
-
 def promise(decision: Decision) -> HeardPath:
     if isinstance(decision, Stop):
         return HeardPath(None)
     return HeardPath(decision.path, decision.certificate.valid_until)
-
-
-def ring(names: str) -> tuple[dict[str, Pose2D], Goals]:
-    poses, goals = {}, {}
-    for index, name in enumerate(names):
-        angle = 2.0 * math.pi * index / len(names) + 0.1
-        x, y = 4.5 * math.cos(angle), 4.5 * math.sin(angle)
-        poses[name] = Pose2D(10.0 + x, 6.0 + y, angle + math.pi)
-        goals[name] = (10.0 - 0.9 * x, 6.0 - 0.9 * y)
-    return poses, goals
 
 
 class Team:
@@ -80,7 +62,7 @@ class Team:
         for index, one in enumerate(self.navigators):
             if index not in working:
                 continue
-            result = one.step(time, area(time), states, goals, self.promises)
+            result = one.step(time, area(stamp=time), states, goals, self.promises)
             told |= result.decisions | result.stop_foreign
             self.promises |= {
                 name: promise(decision) for name, decision in (result.decisions | result.stop_foreign).items()
@@ -96,32 +78,18 @@ def drive(
     works: dict[int, tuple[float, float]] | None = None,
 ) -> dict[str, np.ndarray]:
     """Drive; a navigator of `works` is silent in the given span of time [s]. Return the positions."""
-    trackers = {name: PlanarTracker(spec(name), TrackerSettings(), 0.05) for name in poses}
-    now, positions = dict(poses), {name: [pose.position] for name, pose in poses.items()}
-    for tick in range(round(duration / 0.05)):
-        time = round(0.05 * tick, 9)
+    fleet = Fleet({name: spec(name) for name in poses}, poses)
+    positions = {name: [pose.position] for name, pose in poses.items()}
+    for tick in range(round(duration / CONTROL_PERIOD)):
+        time = round(CONTROL_PERIOD * tick, 9)
         if tick % 10 == 0:
-            states = {name: RobotState(name, pose, time) for name, pose in now.items()}
             silent = {index for index, (begin, end) in (works or {}).items() if begin <= time < end}
-            told = team.step(time, states, goals, set(range(len(team.navigators))) - silent)
-            for name, decision in told.items():
-                if isinstance(decision, PlannedPath):
-                    until = decision.certificate.valid_until
-                    trackers[name].set_path(decision.path, now[name].heading, until)
-                else:
-                    trackers[name].set_path(None)
-        for name, pose in now.items():
-            command = trackers[name].command(pose, time)
-            now[name] = step_unicycle(pose, command.speed, command.turn_rate, 0.05)
-            positions[name].append(now[name].position)
+            working = set(range(len(team.navigators))) - silent
+            fleet.tell(team.step(time, fleet.states(time), goals, working))
+        fleet.move(time)
+        for name, pose in fleet.poses.items():
+            positions[name].append(pose.position)
     return {name: np.array(values) for name, values in positions.items()}
-
-
-def least_separation(positions: dict[str, np.ndarray]) -> float:
-    return min(
-        float(np.linalg.norm(positions[first] - positions[second], axis=1).min())
-        for first, second in itertools.combinations(positions, 2)
-    )
 
 
 @pytest.mark.parametrize("parts", [["ab", "cd"], ["c", "da", "b"]])
@@ -147,7 +115,7 @@ def first_step(nav: GroundNavigator, heard: dict[str, HeardPath], **places: floa
     """Robots on the line y = 6 m; all have goals 5 m ahead."""
     states = {name: RobotState(name, Pose2D(x, 6.0, 0.0), 0.0) for name, x in places.items()}
     goals = {name: (x + 5.0, 6.0) for name, x in places.items()}
-    return nav.step(0.0, area(0.0), states, goals, heard)
+    return nav.step(0.0, area(stamp=0.0), states, goals, heard)
 
 
 def straight(begin: float, end: float, start: float = 0.0, duration: float = 2.0) -> TimedPath:
@@ -170,7 +138,7 @@ def test_a_path_avoids_what_was_heard_of_others() -> None:
     for heard, free in (({}, False), ({"b": coming}, True)):
         nav = navigator("ab", "a")
         states = {"a": RobotState("a", Pose2D(4.0, 6.0, 0.0), 0.0)}
-        decision = nav.step(0.0, area(0.0), states, {"a": (10.0, 6.0)}, heard).decisions["a"]
+        decision = nav.step(0.0, area(stamp=0.0), states, {"a": (10.0, 6.0)}, heard).decisions["a"]
         assert isinstance(decision, PlannedPath)
         assert math.isfinite(decision.certificate.least_separation) == free
         times = np.linspace(0.0, decision.certificate.valid_until, 100)
@@ -192,7 +160,7 @@ def test_a_robot_that_has_to_stop_stops_the_one_that_counts_on_its_going() -> No
     nav = navigator("ab", "a")
     behind = {"b": HeardPath(straight(4.0, 5.0), 2.0)}
     states = {name: RobotState(name, Pose2D(x, 6.0, 0.0), 0.0) for name, x in (("a", 5.0), ("b", 4.0))}
-    result = nav.step(0.0, area(0.0), states, {"b": (12.0, 6.0)}, behind)
+    result = nav.step(0.0, area(stamp=0.0), states, {"b": (12.0, 6.0)}, behind)
     assert result.decisions["a"].reason is StopReason.NO_GOAL
     assert result.stop_foreign["b"].reason is StopReason.BLOCKED_BY_ROBOT
     assert "robot a" in result.stop_foreign["b"].message
@@ -203,7 +171,7 @@ def test_a_robot_still_to_be_decided_is_stopped_only_for_what_is_soon(gap: float
     nav = navigator("ab", "a")
     behind = {"b": HeardPath(straight(4.0 - 0.25, 4.75, -0.5), 1.5)}
     states = {name: RobotState(name, Pose2D(x, 6.0, 0.0), 0.0) for name, x in (("a", 4.0 + gap), ("b", 4.0))}
-    result = nav.step(0.0, area(0.0), states, {}, behind)
+    result = nav.step(0.0, area(stamp=0.0), states, {}, behind)
     assert ("b" in result.stop_foreign) == stops
 
 
@@ -212,7 +180,7 @@ def test_what_another_navigator_stopped_is_forgotten() -> None:
     first_step(nav, {}, a=4.0, b=15.0)
     assert nav._memory["a"].plan is not None
     states = {"a": RobotState("a", Pose2D(4.2, 6.0, 0.0), 0.5)}
-    nav.step(0.5, area(0.5), states, {}, {"a": HeardPath(None)})
+    nav.step(0.5, area(stamp=0.5), states, {}, {"a": HeardPath(None)})
     assert nav._memory["a"].plan is None
 
 
