@@ -16,6 +16,7 @@ from snnav_core.area.intake import TIME_TOLERANCE, check_clock, is_repeated, sam
 from snnav_core.area.memory import remember
 from snnav_core.area.overlay import union_all
 from snnav_core.area.planar import LostPart, UnoccupiedArea, as_multipolygon, shrink
+from snnav_core.area.returns import FusedReturns, fused_returns
 from snnav_core.area.settings import FusionSettings, PlanarSensor
 from snnav_core.errors import InvalidInput
 from snnav_core.sensing.scan import DetectedArea, PlanarScan, detect_planar
@@ -148,6 +149,13 @@ class AreaFusion:
         The index counts the sorted ids of the sensors. Only the last 20 different scans of each sensor are known.
         """
         return self._history.last_seen(points, time)
+
+    def returns(self, time: float) -> FusedReturns:
+        """Latest hits of all sensors with a usable scan at `time` [s], those on robots left out, for the tracker."""
+        usable = [sensor_id for sensor_id in sorted(self._latest) if self._is_usable(sensor_id, time)]
+        stamps = [self._latest[sensor_id][0].stamp for sensor_id in usable]
+        numbers = [sorted(self.sensors).index(sensor_id) for sensor_id in usable]
+        return fused_returns([self._without_robots(sensor_id) for sensor_id in usable], stamps, numbers)
 
     def area(self, time: float) -> UnoccupiedArea:
         """The unoccupied area at `time` [s]; empty when there is no scan.

@@ -1,0 +1,45 @@
+"""Hits that belong together: on one surface, or near to each other."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from snnav_core.area.returns import FusedReturns
+
+__all__ = ["cluster_returns"]
+
+
+def cluster_returns(
+    returns: FusedReturns, link_distance: float, labels: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Number the bodies that hits belong to.
+
+    Parameters
+    ----------
+    returns : FusedReturns
+    link_distance : float
+        Hits no farther from each other belong to one body [m].
+    labels : ndarray of int, shape (K,)
+        What each hit is known to belong to, -1 where nothing is known. Hits with different labels are never linked
+        directly: bodies that come near to each other stay apart.
+
+    Returns
+    -------
+    ndarray of int, shape (K,)
+        0, 1, ...
+    """
+    count = len(returns)
+    if count == 0:
+        return np.zeros(0, dtype=np.int64)
+    near = cKDTree(returns.points).query_pairs(link_distance, output_type="ndarray").reshape(-1, 2)
+    next_one = np.flatnonzero(np.diff(returns.surfaces) == 0)
+    pairs = np.concatenate((near, np.column_stack((next_one, next_one + 1))))
+    first, second = labels[pairs[:, 0]], labels[pairs[:, 1]]
+    pairs = pairs[(first == second) | (first < 0) | (second < 0)]
+    graph = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    _, numbers = connected_components(graph, directed=False)
+    return np.asarray(numbers, dtype=np.int64)

@@ -1,0 +1,186 @@
+"""The velocity of a body from hits on it at several times: every pair of times is laid over each other at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from snnav_core.types import FloatArray
+
+__all__ = ["BodySample", "Drift", "fit_drift"]
+
+_MOST_POINTS = 48  # of one sample that take part in a fit
+_GATES = (0.3, 0.15, 0.08, 0.08, 0.08)  # [m]; hits farther apart show different places of the body
+_SAME_SIDE = 0.7  # cosine between the normals of hits on one place
+_ROBUST = 4.0  # in deviations of a range: residuals beyond count little
+_SHAPE_CHANGE = 0.05  # share of its extent by which the middle of what is seen of a body may wander
+
+
+@dataclass(frozen=True)
+class BodySample:
+    """Hits on one body in one measurement.
+
+    Parameters
+    ----------
+    points, normals : ndarray, shape (n, 2)
+        [m, map] and unit vectors.
+    times : ndarray, shape (n,)
+        [s]
+    spacing : ndarray, shape (n,)
+        Distance between neighbouring beams there [m].
+    sensors : ndarray of int, shape (n,)
+    """
+
+    points: FloatArray
+    normals: FloatArray
+    times: FloatArray
+    spacing: FloatArray
+    sensors: NDArray[np.int64]
+
+    def thinned(self) -> BodySample:
+        """So few hits, evenly chosen, that fits stay cheap."""
+        if len(self.points) <= _MOST_POINTS:
+            return self
+        chosen = np.linspace(0, len(self.points) - 1, _MOST_POINTS).astype(np.int64)
+        return self.part(chosen)
+
+    def part(self, chosen: NDArray[np.int64] | NDArray[np.bool_]) -> BodySample:
+        """Some of the hits."""
+        return BodySample(
+            self.points[chosen],
+            self.normals[chosen],
+            self.times[chosen],
+            self.spacing[chosen],
+            self.sensors[chosen],
+        )
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Velocity (2,) [m/s], its covariance (2, 2), and how well hits lie over each other when it is undone [m]."""
+
+    velocity: FloatArray
+    covariance: FloatArray
+    residual: float
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation in the direction in which least is known [m/s]."""
+        return math.sqrt(max(0.0, float(np.linalg.eigvalsh(self.covariance)[-1])))
+
+    @property
+    def significance(self) -> float:
+        """Speed in standard deviations of its own direction."""
+        return math.sqrt(max(0.0, float(self.velocity @ np.linalg.solve(self.covariance, self.velocity))))
+
+
+def fit_drift(samples: Sequence[BodySample], range_noise: float, guess: FloatArray | None = None) -> Drift:
+    """Fit a constant velocity to hits on one body.
+
+    Hits of different times that show the same place of the body lie on one line along its surface once the motion is
+    undone (symmetric point-to-line matching; no outline has to be assumed). Along a surface the hits say nothing: there
+    the wandering of their middle, sensor by sensor, decides, with the doubt that belongs to it.
+
+    Parameters
+    ----------
+    samples : sequence of BodySample
+        Two or more, at different times.
+    range_noise : float
+        Standard deviation of a range [m].
+    guess : ndarray, shape (2,), optional
+        Where to start from [m/s].
+
+    Returns
+    -------
+    Drift
+    """
+    thin = [sample.thinned() for sample in samples]
+    points = np.concatenate([sample.points for sample in thin])
+    normals = np.concatenate([sample.normals for sample in thin])
+    times = np.concatenate([sample.times for sample in thin])
+    offsets = np.concatenate(([0], np.cumsum([len(sample.points) for sample in thin])))
+    known, pull = _middle_information(samples)
+    velocity: FloatArray = np.asarray(np.linalg.solve(known, pull) if guess is None else guess)
+    information, residual = known, math.inf
+    for gate in _GATES:
+        equations = _lay_over(points, normals, times, offsets, velocity, gate, _ROBUST * range_noise)
+        xx, xy, yy, bx, by, squares, weight = equations
+        if weight > 0.0:
+            residual = math.sqrt(squares / weight)
+        variance = max(range_noise, residual / math.sqrt(2.0) if weight > 0.0 else range_noise) ** 2
+        scale = 1.0 / (variance * len(thin))  # each hit takes part in a pair with every other sample
+        information = known + scale * np.array([[xx, xy], [xy, yy]])
+        velocity = np.asarray(np.linalg.solve(information, pull + scale * np.array([bx, by])))
+    covariance: FloatArray = np.asarray(np.linalg.inv(information))
+    return Drift(velocity, covariance, residual)
+
+
+def _middle_information(samples: Sequence[BodySample]) -> tuple[FloatArray, FloatArray]:
+    """What the middles of the hits of each sensor tell of the velocity: information (2, 2) and vector (2,)."""
+    information, vector = 1e-6 * np.eye(2), np.zeros(2)
+    for sensor in np.unique(np.concatenate([sample.sensors for sample in samples])):
+        rows = []
+        extent = spacing = 0.0
+        for sample in samples:
+            own = sample.sensors == sensor
+            if own.any():
+                points = sample.points[own]
+                rows.append((*(0.5 * (points.min(axis=0) + points.max(axis=0))), sample.times[own].mean()))
+                extent = max(extent, float(np.hypot(*np.ptp(points, axis=0))))
+                spacing = max(spacing, float(sample.spacing[own].mean()))
+        table = np.array(rows)
+        table -= table.mean(axis=0)
+        places, times = table[:, :2], table[:, 2]
+        spread = float(times @ times)
+        if spread <= 0.0:
+            continue
+        slope = times @ places / spread
+        misfit = float(np.sum((places - np.outer(times, slope)) ** 2)) / max(1, 2 * (len(times) - 2))
+        variance = max((0.5 * spacing) ** 2, (_SHAPE_CHANGE * extent) ** 2, misfit)
+        information += np.eye(2) * spread / variance
+        vector += spread * slope / variance
+    return information, vector
+
+
+@numba.njit(cache=True, nogil=True)
+def _lay_over(points, normals, times, offsets, velocity, gate, scale):  # type: ignore[no-untyped-def]
+    """Normal equations of the velocity over all pairs of samples: xx, xy, yy, bx, by, squares, weight."""
+    xx = xy = yy = bx = by = squares = total = 0.0
+    groups = offsets.shape[0] - 1
+    for g in range(groups):
+        for i in range(offsets[g], offsets[g + 1]):
+            for h in range(groups):
+                if h == g:
+                    continue
+                best, found = gate * gate, -1
+                for j in range(offsets[h], offsets[h + 1]):
+                    passed = times[j] - times[i]
+                    dx = points[j, 0] - points[i, 0] - velocity[0] * passed
+                    dy = points[j, 1] - points[i, 1] - velocity[1] * passed
+                    square = dx * dx + dy * dy
+                    if square < best and (
+                        normals[i, 0] * normals[j, 0] + normals[i, 1] * normals[j, 1] > _SAME_SIDE
+                    ):
+                        best, found = square, j
+                if found < 0:
+                    continue
+                passed = times[found] - times[i]
+                nx, ny = normals[i, 0] + normals[found, 0], normals[i, 1] + normals[found, 1]
+                length = math.sqrt(nx * nx + ny * ny)
+                nx, ny = nx / length, ny / length
+                along = nx * (points[found, 0] - points[i, 0]) + ny * (points[found, 1] - points[i, 1])
+                rest = along - passed * (nx * velocity[0] + ny * velocity[1])
+                weight = 0.5 / (1.0 + (rest / scale) ** 2)  # every pair is met from both sides
+                xx += weight * passed * passed * nx * nx
+                xy += weight * passed * passed * nx * ny
+                yy += weight * passed * passed * ny * ny
+                bx += weight * passed * nx * along
+                by += weight * passed * ny * along
+                squares += weight * rest * rest
+                total += weight
+    return xx, xy, yy, bx, by, squares, total

@@ -1,0 +1,205 @@
+"""Bodies and their velocities from successive fused measurements (Ch. 2, D_i and v_Di)."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
+
+from snnav_core.area.clusters import cluster_returns
+from snnav_core.area.drift import BodySample, Drift, fit_drift
+from snnav_core.area.explained import build_scene
+from snnav_core.area.planar import UnoccupiedArea
+from snnav_core.area.returns import FusedReturns
+from snnav_core.area.track import Track
+from snnav_core.area.tracker_settings import TrackedScene, TrackerSettings
+from snnav_core.errors import InvalidInput
+from snnav_core.types import FloatArray
+
+__all__ = ["ObstacleTracker", "TrackedScene", "TrackerSettings"]
+
+_NEAR = 0.1  # [m]; a hit is where the body was expected
+_STAYS_MOVING = 0.5  # share of the confidence at which a body that moved counts as moving still
+_SAME_TIME = 1e-6  # [s]
+
+
+class ObstacleTracker:
+    """Follows bodies from measurement to measurement.
+
+    Parameters
+    ----------
+    settings : TrackerSettings, optional
+
+    Notes
+    -----
+    A body moves when two things come together: it appears where it was free before or leaves free what it covered,
+    and its velocity is significant. All else stands, and what no body explains is not free.
+    """
+
+    def __init__(self, settings: TrackerSettings | None = None) -> None:
+        self.settings = settings or TrackerSettings()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything, as after a jump of time."""
+        self.tracks: list[Track] = []
+        self._areas: deque[UnoccupiedArea] = deque()
+        self._known: dict[int, float] = {}
+        self._count = 0
+        self._time = -math.inf
+
+    def update(self, time: float, returns: FusedReturns, area: UnoccupiedArea) -> TrackedScene:
+        """Take one fused measurement.
+
+        Parameters
+        ----------
+        time : float
+            [s]
+        returns : FusedReturns
+            The latest hits of all sensors, robots left out (`AreaFusion.returns`).
+        area : UnoccupiedArea
+            What is free at `time`.
+
+        Returns
+        -------
+        TrackedScene
+
+        Raises
+        ------
+        InvalidInput
+            If time does not go on; call `reset` after a jump of time.
+        """
+        if not (math.isfinite(time) and time > self._time + _SAME_TIME):
+            raise InvalidInput(
+                f"tracker: update at {time} s after that at {self._time} s; reset it after a jump"
+            )
+        self._time = time
+        labels, gaps = self._labels(returns)
+        clusters = cluster_returns(returns, self.settings.link_distance, labels)
+        evidence = self._entered(returns)
+        fresh = self._fresh(returns)
+        owners = self._match(clusters, labels, gaps)
+        for cluster, track in owners.items():
+            own = clusters == cluster
+            track.seen = time
+            if (own & fresh).any():
+                self._extend(track, returns, own & fresh)
+                left = self._left(track, area)
+                self._judge(track, int((own & evidence).sum()) + left)
+        self.tracks = [track for track in self.tracks if time - track.seen <= self.settings.patience]
+        self._areas.append(area)
+        while time - self._areas[0].stamp > self.settings.window:
+            self._areas.popleft()
+        return build_scene(time, area, returns, self.tracks, self.settings)
+
+    def _labels(self, returns: FusedReturns) -> tuple[NDArray[np.int64], FloatArray]:
+        """Index of the track that each hit lies nearest to, -1 for none, and how far off as a share of its gate."""
+        labels, shares = np.full(len(returns), -1, dtype=np.int64), np.ones(len(returns))
+        if not self.tracks or len(returns) == 0:
+            return labels, shares
+        expected = [track.hits_at(self._time) for track in self.tracks]
+        owner = np.repeat(np.arange(len(expected)), [len(points) for points in expected])
+        gates = np.array([self._gate(track) for track in self.tracks])
+        moved = np.array([track.velocity for track in self.tracks])
+        distance, nearest = cKDTree(np.concatenate(expected)).query(
+            returns.points, distance_upper_bound=float(gates.max())
+        )
+        found = np.isfinite(distance)
+        label = owner[np.where(found, nearest, 0)]
+        late = (self._time - returns.times) * np.hypot(*moved[label].T)
+        share = np.where(found, np.maximum(distance - late, 0.0), np.inf) / gates[label]
+        labels[share < 1.0] = label[share < 1.0]
+        shares[share < 1.0] = share[share < 1.0]
+        return labels, shares
+
+    def _gate(self, track: Track) -> float:
+        passed = self._time - float(track.samples[-1].times.max())
+        speed = min(2.0 * track.deviation, self.settings.top_speed)
+        return _NEAR + passed * speed
+
+    def _match(
+        self, clusters: NDArray[np.int64], labels: NDArray[np.int64], shares: FloatArray
+    ) -> dict[int, Track]:
+        """Give every cluster its track; clusters without one start a track if they are large enough."""
+        sizes = np.bincount(clusters) if len(clusters) else np.zeros(0, dtype=np.int64)
+        votes = np.zeros((len(sizes), len(self.tracks)))
+        known = labels >= 0
+        np.add.at(votes, (clusters[known], labels[known]), 1.0 - shares[known])
+        rows, columns = linear_sum_assignment(votes, maximize=True)
+        tracks = list(self.tracks)
+        owners = {int(r): tracks[c] for r, c in zip(rows, columns, strict=True) if votes[r, c] > 0.0}
+        for cluster in np.flatnonzero(sizes >= self.settings.least_points):
+            if int(cluster) not in owners:
+                self._count += 1
+                track = Track(f"body_{self._count}")
+                self.tracks.append(track)
+                owners[int(cluster)] = track
+        return owners
+
+    def _fresh(self, returns: FusedReturns) -> NDArray[np.bool_]:
+        """Whether hits belong to a scan that was not there at the last update."""
+        fresh = np.zeros(len(returns), dtype=np.bool_)
+        for sensor in np.unique(returns.sensors).tolist():
+            own = returns.sensors == sensor
+            stamp = float(returns.times[own].max())
+            fresh[own] = stamp > self._known.get(sensor, -math.inf) + _SAME_TIME
+            self._known[sensor] = stamp
+        return fresh
+
+    def _entered(self, returns: FusedReturns) -> NDArray[np.bool_]:
+        """Whether hits lie where it was free within the window."""
+        entered = np.zeros(len(returns), dtype=np.bool_)
+        for area in self._areas:
+            if len(returns) and not area.region.is_empty:
+                entered |= area.clearance_field.query(returns.points)[0] > self.settings.free_depth
+        return entered
+
+    def _left(self, track: Track, area: UnoccupiedArea) -> int:
+        """Number of hits on a body at the start of the window that lie where it is free now."""
+        if len(track.samples) < 2 or area.region.is_empty:
+            return 0
+        depth, _ = area.clearance_field.query(track.samples[0].points)
+        return int((depth > self.settings.free_depth).sum())
+
+    def _extend(self, track: Track, returns: FusedReturns, own: NDArray[np.bool_]) -> None:
+        sample = BodySample(
+            returns.points[own],
+            returns.normals[own],
+            returns.times[own],
+            returns.spacing[own],
+            returns.sensors[own],
+        )
+        track.samples.append(sample)
+        while self._time - track.samples[0].times.max() > self.settings.window:
+            track.samples.popleft()
+
+    def _judge(self, track: Track, evidence: int) -> None:
+        """Decide whether a body moves, and how fast."""
+        settings = self.settings
+        if track.extent > settings.largest_body or len(track.samples) < 2:
+            track.moving, track.velocity = False, np.zeros(2)
+            return
+        if evidence < settings.least_evidence and not track.moving:
+            track.velocity = np.zeros(2)
+            track.deviation = (
+                settings.least_speed if len(track.samples) >= settings.least_samples else math.inf
+            )
+            return
+        drift = self._fit(track)
+        known = len(track.samples) >= settings.least_samples
+        needed = settings.confidence * (_STAYS_MOVING if track.moving else 1.0)
+        track.moving = (
+            known
+            and drift.significance > needed
+            and settings.least_speed < float(np.hypot(*drift.velocity)) <= settings.top_speed
+        )
+        track.velocity = drift.velocity if track.moving else np.zeros(2)
+        track.deviation = drift.deviation if known else math.inf
+
+    def _fit(self, track: Track) -> Drift:
+        guess = track.velocity if track.moving else None
+        return fit_drift(track.chosen_samples(), self.settings.range_noise, guess)
