@@ -77,7 +77,7 @@ def _run(arguments: argparse.Namespace) -> int:
     robots = len(scene.robots)
     if not 1 <= arguments.planners <= max(1, robots):
         raise InvalidInput(
-            f"--planners {arguments.planners}: robots of {scene.name}: {robots}; give so many or fewer"
+            f"--planners {arguments.planners}: robots of {scene.name}: {robots}; give 1 to {max(1, robots)}"
         )
     if not arguments.core:
         require_ros("`snnav run` without --core")

@@ -31,7 +31,7 @@ def write_atomically(path: str | Path, write: Callable[[Path], Result]) -> Resul
             raise BagError(f"{path}: is a directory; give the name of a file")
         handle, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix, dir=path.parent)
     except OSError as error:
-        raise BagError(f"{path}: cannot be written ({one_line(error)}); choose a writable place") from None
+        raise _not_writable(path, error) from None
     os.close(handle)
     draft = Path(name)
     try:
@@ -50,19 +50,32 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def check_directory(directory: str | Path, mark: str) -> Path:
-    """Return the path if results may be written there: it does not exist, is empty, or holds earlier results.
+    """Return the path if results can be written there: it does not exist, is empty, or holds earlier results.
+
+    Nothing is left behind: what takes minutes can ask before it begins.
 
     Raises
     ------
     BagError
-        If it is a file, or a directory with other files and without the file named `mark`.
+        If it is a file, a directory with other files and without the file named `mark`, or in a place that cannot be
+        written.
     """
     path = Path(directory)
     if path.exists() and not path.is_dir():
         raise BagError(f"{path}: is a file; give the name of a directory")
     if path.is_dir() and any(path.iterdir()) and not (path / mark).is_file():
         raise BagError(f"{path}: holds other files; give a new or an empty directory")
+    try:
+        above = next(folder for folder in path.absolute().parents if folder.exists())
+        tempfile.TemporaryFile(dir=above).close()
+    except OSError as error:
+        raise _not_writable(path, error) from None
     return path
+
+
+def _not_writable(path: Path, error: OSError) -> BagError:
+    reason = error.strerror or one_line(error)
+    return BagError(f"{path}: cannot be written ({reason}); choose a writable place")
 
 
 def make_directory(directory: str | Path, mark: str, fill: Callable[[Path], None]) -> None:
@@ -78,7 +91,7 @@ def make_directory(directory: str | Path, mark: str, fill: Callable[[Path], None
         path.parent.mkdir(parents=True, exist_ok=True)
         workplace = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
     except OSError as error:
-        raise BagError(f"{path}: cannot be written ({one_line(error)}); choose a writable place") from None
+        raise _not_writable(path, error) from None
     try:
         (workplace / "new").mkdir()
         fill(workplace / "new")

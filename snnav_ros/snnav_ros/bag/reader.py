@@ -164,6 +164,8 @@ def _refuse_other_files(path: Path) -> None:
         raise BagError(f"{path}: does not exist; give {_KINDS}")
     if path.is_dir():
         if not (path / "metadata.yaml").is_file():
+            if (path / "bag" / "metadata.yaml").is_file():
+                raise BagError(f"{path}: is a run directory; give the bag in it, {path / 'bag'}")
             raise BagError(f"{path}: has no metadata.yaml, so it is no rosbag2 directory; give {_KINDS}")
     elif path.suffix not in (".mcap", ".db3", ".bag"):
         raise BagError(f"{path}: is not a bag; give {_KINDS}")

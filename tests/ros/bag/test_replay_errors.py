@@ -211,6 +211,15 @@ def test_a_directory_with_other_files_is_left_alone(
     assert "holds other files" in line
 
 
+def test_a_place_that_cannot_be_written_is_told_before_the_replay(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delattr("snnav_ros.bag.run_replay.LiveReplay")
+    nowhere = Path("/proc/self/fdinfo")  # where not even root can make a file
+    line = refused(capsys, nowhere, place / "good", "--sensors", place / "sensors.json", *ROBOT)
+    assert line.startswith(f"snnav: {nowhere / 'out'}: cannot be written (")
+
+
 def test_what_a_file_may_hold(tmp_path: Path) -> None:
     file = tmp_path / "sensors.yaml"
     file.write_text(
