@@ -47,14 +47,15 @@ def page(directory: Path, summary: Mapping[str, Any], records: Sequence[Record])
 
 
 def _table(header: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence[int] = ()) -> str:
-    """An HTML table; cells hold HTML, columns of `numbers` are set to the right."""
+    """An HTML table, without a header where that is empty; cells hold HTML, those of `numbers` are set to the right."""
 
     def line(cells: Sequence[str], tag: str) -> str:
         marks = [' class="number"' if index in numbers else "" for index in range(len(cells))]
         inner = "".join(f"<{tag}{mark}>{cell}</{tag}>" for mark, cell in zip(marks, cells, strict=True))
         return f"<tr>{inner}</tr>"
 
-    return "<table>" + line(header, "th") + "".join(line(row, "td") for row in rows) + "</table>"
+    head = line(header, "th") if header else ""
+    return "<table>" + head + "".join(line(row, "td") for row in rows) + "</table>"
 
 
 def _numbers(summary: Mapping[str, Any]) -> str:
@@ -94,7 +95,7 @@ def _numbers(summary: Mapping[str, Any]) -> str:
         ("Planner step, p99 of the runs (ms)", spread("planner_p99_ms", 1)),
         ("Simulated, computed", f"{summary['simulated_time']:.0f} s, {summary['seconds']:.0f} s"),
     ]
-    return _table(("", ""), rows)
+    return _table((), rows)
 
 
 def _endings(records: Sequence[Record]) -> str:
@@ -123,19 +124,22 @@ def _figures(records: Sequence[Record]) -> str:
     def beyond(key: str) -> list[float]:
         return [robot[key] - robot["safety_margin"] for robot in robots if robot[key] is not None]
 
-    images = [
-        ratio_figure(
+    images = {
+        "Length of the ways over the optimum": ratio_figure(
             known(robot["optimum_ratio_planned"] for robot in feasible),
             known(robot["optimum_ratio"] for robot in feasible),
         ),
-        margin_figure(beyond("least_clearance"), beyond("least_separation")),
-        step_figure(
+        "Least clearance and separation beyond the margin": margin_figure(
+            beyond("least_clearance"), beyond("least_separation")
+        ),
+        "Times of planner steps": step_figure(
             known(record["planner_ms"].get("p50") for record in records),
             known(record["planner_ms"].get("p99") for record in records),
         ),
-    ]
+    }
     tags = (
-        f'<img alt="" src="data:image/png;base64,{base64.b64encode(image).decode()}">' for image in images
+        f'<img alt="{text}" src="data:image/png;base64,{base64.b64encode(image).decode()}">'
+        for text, image in images.items()
     )
     return f'<div class="figures">{"".join(tags)}</div>'
 
@@ -175,8 +179,9 @@ def _not_arrived(directory: Path, records: Sequence[Record]) -> list[str]:
             can = "target can be reached" if robot["feasible"] else "target cannot be reached"
             mark = "bad" if robot["feasible"] else "note"
             stops.append(f'<span class="{mark}">{escape(name)}: {can}</span><br>{escape(robot["message"])}')
-        picture = f"{PICTURES}/{run_name(record['kind'], record['seed'])}.png"
-        image = f'<a href="{picture}"><img alt="" loading="lazy" src="{picture}"></a>'
+        run = run_name(record["kind"], record["seed"])
+        picture = f"{PICTURES}/{run}.png"
+        image = f'<a href="{picture}"><img alt="Ways of {escape(run)}" loading="lazy" src="{picture}"></a>'
         rows.append(
             (_links(directory, record), "<br>".join(stops), image if (directory / picture).is_file() else "")
         )
