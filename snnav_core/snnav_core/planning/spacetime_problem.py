@@ -171,10 +171,13 @@ class TravelBound:
         Lower bound of the travel time [s]; inf when there is no way at all.
     route : ndarray, shape (K, 3)
         x, y [m, map] and time [s] of the relaxed path that takes it.
+    left_out : tuple of str
+        Bodies that are not slower than the robot: the bound does not count them.
     """
 
     time: float
     route: FloatArray
+    left_out: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
