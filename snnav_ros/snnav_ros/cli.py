@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -14,6 +15,10 @@ __all__ = ["main"]
 
 _PROGRAM = "snnav"
 _MISTAKE, _INTERRUPTED = 2, 130
+_REMEDIES = {  # what the machine may refuse anywhere
+    **dict.fromkeys((errno.EACCES, errno.EPERM, errno.EROFS), "give a place that you may read and write"),
+    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT), "make room, or give another place"),
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,6 +49,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of the output has gone, for example `head`
         sys.stderr.close()
         return 0
+    except OSError as error:
+        if error.errno not in _REMEDIES:
+            raise
+        place = "" if error.filename is None else f"{error.filename}: "
+        print(f"{_PROGRAM}: {place}{error.strerror}; {_REMEDIES[error.errno]}", file=sys.stderr)
+        return _MISTAKE
     return status
 
 
