@@ -166,7 +166,8 @@ class RunCollector:
     def take_area(self, topic: str, message: Any) -> None:
         """Take the unoccupied area."""
         self.take_data("area", topic, message)
-        if not self.ended:
+        # That of the last instant may be heard after its decisions, which come from another process.
+        if not self.ended or nanoseconds_from_stamp(message.header.stamp) <= self._decided:
             self.record.add_area(area_from_message(message, topic))
 
     def take_diagnostics(self, topic: str, message: Any) -> None:
