@@ -73,7 +73,7 @@ def test_velocities_of_a_disk_and_a_box() -> None:
     hall = Hall(movers, [{"circle": [6, 7, 0.5]}], 4, 1)
     scene = [hall.step(INTERVAL * k) for k in range(5)][-1]
     moving = [body for body in scene.obstacles if body.speed > 0.0]
-    assert len(scene.obstacles) == 3 and len(moving) == 2
+    assert (len(scene.obstacles), len(moving)) == (3, 2)
     for mover in hall.world.scene.movers:
         place = shapely.Point(mover_positions(mover, scene.stamp)[0])
         body = next(body for body in moving if shapely.Polygon(body.outline).contains(place))
