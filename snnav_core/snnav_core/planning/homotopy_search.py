@@ -1,0 +1,153 @@
+"""Search among homotopy classes: all candidates in lockstep, two for every body that is hit (Ch. 2, C1-C3)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from snnav_core.planning.adjustment import AdjustmentSettings
+from snnav_core.planning.prolonging import Chain, Event, prolong
+from snnav_core.planning.spacetime_kernel import Gains, distance
+from snnav_core.planning.spacetime_problem import CandidateOutcome, SpacetimeSettings
+from snnav_core.planning.spacetime_world import Layout
+
+__all__ = ["Found", "coarse_gains", "search"]
+
+_COARSE = 0.1  # rest threshold while a chain grows, as a share of G_P
+_MOST_PASSES = 60  # for a point, while a chain grows
+_PATIENCE = 1.25  # others go on as long as they may arrive within so many times of the least travel time
+_ROUNDS = 1.25  # perimeters of a body along which it is followed without getting past it
+_WORK = 3e8  # passes times points of all candidates together
+
+
+@dataclass
+class Found:
+    """A candidate of the search: its chain, and how it ended (REACHED: to be adjusted to the end)."""
+
+    chain: Chain
+    outcome: CandidateOutcome | None = None
+    reason: str = ""
+
+
+def coarse_gains(link: float, settings: AdjustmentSettings) -> Gains:
+    """Constants of the loop while a chain grows: springs that are shorter at rest (C0-3), a coarse threshold."""
+    pull = settings.pull * link
+    threshold = _COARSE * pull
+    return Gains(
+        link,
+        pull,
+        settings.interval_gain,
+        settings.barrier_gain,
+        settings.attenuation,
+        threshold,
+        threshold / (1.0 - settings.attenuation),
+        0.0,
+    )
+
+
+def search(layout: Layout, settings: SpacetimeSettings, rng: np.random.Generator) -> list[Found]:
+    """Candidates that reach the target, and all others, in the order in which they were made.
+
+    Parameters
+    ----------
+    layout : Layout
+    settings : SpacetimeSettings
+    rng : numpy.random.Generator
+        Decides which direction a candidate keeps at a body when both lead equally well to the target.
+
+    Notes
+    -----
+    Deviations: the search goes on until all have reached the target or cannot come near the best (C2-8); at most
+    `settings.candidates`, candidates with the same turns are dropped (C2-9); a body that was just left does not fork
+    again (C2-4); a candidate ends when it has gone around the followed body, or has a length that none needs (C2-3).
+    """
+    return _Search(layout, settings, rng).run()
+
+
+class _Search:
+    def __init__(self, layout: Layout, settings: SpacetimeSettings, rng: np.random.Generator) -> None:
+        self.layout, self.settings, self.rng = layout, settings, rng
+        self.gains = coarse_gains(layout.link, settings.adjustment)
+        self.found = [Found(Chain.begin(layout.world.ends[0], layout.most_points + 2))]
+        self.seen: set[tuple[tuple[int, int], ...]] = {()}
+        self.work = 0.0
+
+    def run(self) -> list[Found]:
+        """C2: one point for every candidate, again and again."""
+        if math.dist(*self.layout.world.ends) < self.layout.link:
+            self.found[0].outcome = CandidateOutcome.REACHED
+        best = math.inf
+        while active := [one for one in self.found if one.outcome is None]:
+            for one in active:
+                self._advance(one)
+            arrived = [one.chain for one in self.found if one.outcome is CandidateOutcome.REACHED]
+            best = min([best, *(self._least_links(chain) for chain in arrived)])
+            for one in active:
+                self._judge(one, best)
+        return self.found
+
+    def _advance(self, one: Found) -> None:
+        chain = one.chain
+        before = chain.passes
+        event, body = prolong(chain, self.layout.world, self.gains, self.settings.graze, _MOST_PASSES)
+        self.work += float(chain.passes - before) * chain.n
+        if event is Event.REACHED:
+            one.outcome = CandidateOutcome.REACHED
+        elif event is Event.PINNED:
+            one.outcome = CandidateOutcome.STRETCHED
+            one.reason = "a body overtakes the candidate and stretches it"
+        elif event is Event.LEFT:
+            chain.leave()
+        elif event is Event.MET:
+            self._turn(one, body, chain.side)
+        elif event is Event.HIT and body == chain.left:
+            chain.followed, chain.side, chain.since = body, chain.left_side, chain.n
+        elif event is Event.HIT:
+            self._fork(one, body)
+
+    def _fork(self, one: Found, body: int) -> None:
+        """R1 -> R2 in both directions, the one nearer to the direction of the target first."""
+        chain = one.chain
+        x, y = chain.points[chain.n]
+        _, nx, ny = distance(self.layout.world, body, chain.n, x, y)
+        gx, gy = self.layout.world.ends[1] - chain.points[chain.n]
+        along = gx * ny - gy * nx
+        if abs(along) > 1e-9 * math.hypot(gx, gy):
+            side = 1 if along > 0.0 else -1
+        else:
+            side = 1 if self.rng.random() < 0.5 else -1
+        if len(self.found) < self.settings.candidates:
+            twin = Found(chain.copy())
+            self.found.append(twin)
+            self._turn(twin, body, -side)
+        self._turn(one, body, side)
+
+    def _turn(self, one: Found, body: int, side: int) -> None:
+        one.chain.follow(body, side)
+        if one.chain.turns in self.seen:
+            one.outcome = CandidateOutcome.DUPLICATE
+            one.reason = "another candidate makes the same turns around the same bodies"
+        self.seen.add(one.chain.turns)
+
+    def _least_links(self, chain: Chain) -> float:
+        gap = math.dist(chain.points[chain.n], self.layout.world.ends[1])
+        return chain.n + gap / self.layout.link
+
+    def _judge(self, one: Found, best: float) -> None:
+        """End a candidate that has become too long, or too long beside another one."""
+        if one.outcome is not None:
+            return
+        chain, layout = one.chain, self.layout
+        length = chain.n * layout.link
+        following = chain.followed >= 0 and chain.n - chain.since
+        if self._least_links(chain) > _PATIENCE * best:
+            one.outcome = CandidateOutcome.DOMINATED
+            one.reason = f"after {length:.2f} m it cannot be as short as another one"
+        elif following and following * layout.link > _ROUNDS * layout.perimeters[chain.followed]:
+            one.outcome = CandidateOutcome.TOO_LONG
+            one.reason = f"it has gone around {layout.names[chain.followed]} without getting past"
+        elif chain.n + 1 >= layout.most_points or self.work > _WORK:
+            one.outcome = CandidateOutcome.TOO_LONG
+            one.reason = f"the target is not reached after {length:.2f} m"

@@ -1,0 +1,97 @@
+"""The last adjustment of a candidate: to rest, links of equal length, the end at the target."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from snnav_core.planning.adjustment import AdjustmentSettings
+from snnav_core.planning.prolonging import Chain
+from snnav_core.planning.spacetime_kernel import Gains, World, longest_and_shortest
+from snnav_core.types import FloatArray
+
+__all__ = ["fine_gains", "settle", "with_target"]
+
+_FINE = 0.02  # rest threshold as a share of G_P
+_CORRECTION = 0.05  # of what a link is too long, per pass
+_MOST_CHANGES = 30
+_TINY_END = 0.02  # of the link length: a shorter last link is left out
+
+
+def fine_gains(link: float, settings: AdjustmentSettings) -> Gains:
+    """Constants of the last adjustment: all links come to the length L."""
+    pull = settings.pull * link
+    threshold = _FINE * pull
+    return Gains(
+        link,
+        pull,
+        settings.interval_gain,
+        settings.barrier_gain,
+        settings.attenuation,
+        threshold,
+        threshold / (1.0 - settings.attenuation),
+        _CORRECTION,
+    )
+
+
+def settle(chain: Chain, world: World, gains: Gains, settings: AdjustmentSettings, most: int) -> bool:
+    """Adjust a chain to rest while points are added to its end or removed from it (A1-A3 with the rule of C0-13).
+
+    Parameters
+    ----------
+    chain : Chain
+        Changed in place.
+    world : World
+    gains : Gains
+    settings : AdjustmentSettings
+    most : int
+        Passes.
+
+    Returns
+    -------
+    bool
+        Whether the points rest, the last one within L of the target.
+    """
+    chain.followed = -1
+    target = world.ends[1]
+    limit = chain.passes + most
+    for _ in range(_MOST_CHANGES):
+        rests = chain.relax(world, gains, max(limit - chain.passes, 1))
+        gap = math.dist(chain.points[chain.n], target) / gains.link
+        if gap > settings.longest_end and chain.n + 2 < len(chain.points):
+            _add(chain, target, gains)
+        elif gap < settings.shortest_end and chain.n > 1:
+            chain.n -= 1
+        elif rests:
+            if gap > 1.0:
+                _add(chain, target, gains)
+            return gap <= 2.0
+        if chain.passes >= limit:
+            return False
+    return False
+
+
+def _add(chain: Chain, target: FloatArray, gains: Gains) -> None:
+    last = chain.points[chain.n]
+    gap = target - last
+    chain.n += 1
+    chain.points[chain.n] = last + gap * (gains.link / float(np.hypot(*gap)))
+    chain.velocity[chain.n] = 0.0
+    chain.rest[chain.n] = gains.link - gains.pull / gains.interval
+    chain.memory[chain.n, 2:4] = -1.0
+
+
+def with_target(chain: Chain, target: FloatArray, link: float) -> FloatArray:
+    """The points of a settled chain and the target, shape (n + 2, 2); without p_n when it is the target already."""
+    points: FloatArray = chain.chain.copy()
+    if len(points) > 1 and math.dist(points[-1], target) <= _TINY_END * link:
+        points[-1] = target
+        return points
+    return np.vstack((points, target))
+
+
+def spacing(points: FloatArray) -> tuple[float, float]:
+    """Longest and shortest link of a chain (n + 1, 2) [m]."""
+    longest, shortest = longest_and_shortest(points, len(points) - 1)
+    return float(longest), float(shortest)
