@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from snnav_core.planning.prolonging import Chain, Event, prolong
 from snnav_core.planning.spacetime_kernel import Gains, distance
 from snnav_core.planning.spacetime_problem import CandidateOutcome, SpacetimeSettings
 from snnav_core.planning.spacetime_world import Layout
+from snnav_core.types import TimedPath
 
 __all__ = ["Found", "coarse_gains", "search"]
 
@@ -24,11 +26,25 @@ _WORK = 3e8  # passes times points of all candidates together
 
 @dataclass
 class Found:
-    """A candidate of the search: its chain, and how it ended (REACHED: to be adjusted to the end)."""
+    """A candidate of the search.
+
+    Parameters
+    ----------
+    chain : Chain
+    outcome : CandidateOutcome or None
+        None as long as it is under way.
+    reason : str
+    path : TimedPath or None
+        What it became, for one that has reached the target.
+    travel_time : float
+        [s]
+    """
 
     chain: Chain
     outcome: CandidateOutcome | None = None
     reason: str = ""
+    path: TimedPath | None = None
+    travel_time: float = math.inf
 
 
 def coarse_gains(link: float, settings: AdjustmentSettings) -> Gains:
@@ -47,7 +63,12 @@ def coarse_gains(link: float, settings: AdjustmentSettings) -> Gains:
     )
 
 
-def search(layout: Layout, settings: SpacetimeSettings, rng: np.random.Generator) -> list[Found]:
+def search(
+    layout: Layout,
+    settings: SpacetimeSettings,
+    rng: np.random.Generator,
+    arrive: Callable[[Found], float],
+) -> list[Found]:
     """Candidates that reach the target, and all others, in the order in which they were made.
 
     Parameters
@@ -56,6 +77,9 @@ def search(layout: Layout, settings: SpacetimeSettings, rng: np.random.Generator
     settings : SpacetimeSettings
     rng : numpy.random.Generator
         Decides which direction a candidate keeps at a body when both lead equally well to the target.
+    arrive : callable
+        Told of a candidate that has reached the target: adjusts it to the end, sets its outcome and returns the travel
+        time that others have to compare with [s], infinite if it is no answer.
 
     Notes
     -----
@@ -63,12 +87,19 @@ def search(layout: Layout, settings: SpacetimeSettings, rng: np.random.Generator
     `settings.candidates`, candidates with the same turns are dropped (C2-9); a body that was just left does not fork
     again (C2-4); a candidate ends when it has gone around the followed body, or has a length that none needs (C2-3).
     """
-    return _Search(layout, settings, rng).run()
+    return _Search(layout, settings, rng, arrive).run()
 
 
 class _Search:
-    def __init__(self, layout: Layout, settings: SpacetimeSettings, rng: np.random.Generator) -> None:
-        self.layout, self.settings, self.rng = layout, settings, rng
+    def __init__(
+        self,
+        layout: Layout,
+        settings: SpacetimeSettings,
+        rng: np.random.Generator,
+        arrive: Callable[[Found], float],
+    ) -> None:
+        self.layout, self.settings, self.rng, self.arrive = layout, settings, rng, arrive
+        self.best = math.inf
         self.gains = coarse_gains(layout.link, settings.adjustment)
         self.found = [Found(Chain.begin(layout.world.ends[0], layout.most_points + 2))]
         self.seen: set[tuple[tuple[int, int], ...]] = {()}
@@ -77,16 +108,16 @@ class _Search:
     def run(self) -> list[Found]:
         """C2: one point for every candidate, again and again."""
         if math.dist(*self.layout.world.ends) < self.layout.link:
-            self.found[0].outcome = CandidateOutcome.REACHED
-        best = math.inf
+            self._arrived(self.found[0])
         while active := [one for one in self.found if one.outcome is None]:
             for one in active:
                 self._advance(one)
-            arrived = [one.chain for one in self.found if one.outcome is CandidateOutcome.REACHED]
-            best = min([best, *(self._least_links(chain) for chain in arrived)])
             for one in active:
-                self._judge(one, best)
+                self._judge(one)
         return self.found
+
+    def _arrived(self, one: Found) -> None:
+        self.best = min(self.best, self.arrive(one) / self.layout.step)
 
     def _advance(self, one: Found) -> None:
         chain = one.chain
@@ -94,7 +125,7 @@ class _Search:
         event, body = prolong(chain, self.layout.world, self.gains, self.settings.graze, _MOST_PASSES)
         self.work += float(chain.passes - before) * chain.n
         if event is Event.REACHED:
-            one.outcome = CandidateOutcome.REACHED
+            self._arrived(one)
         elif event is Event.PINNED:
             one.outcome = CandidateOutcome.STRETCHED
             one.reason = "a body overtakes the candidate and stretches it"
@@ -135,14 +166,14 @@ class _Search:
         gap = math.dist(chain.points[chain.n], self.layout.world.ends[1])
         return chain.n + gap / self.layout.link
 
-    def _judge(self, one: Found, best: float) -> None:
+    def _judge(self, one: Found) -> None:
         """End a candidate that has become too long, or too long beside another one."""
         if one.outcome is not None:
             return
         chain, layout = one.chain, self.layout
         length = chain.n * layout.link
         following = chain.followed >= 0 and chain.n - chain.since
-        if self._least_links(chain) > _PATIENCE * best:
+        if self._least_links(chain) > _PATIENCE * self.best:
             one.outcome = CandidateOutcome.DOMINATED
             one.reason = f"after {length:.2f} m it cannot be as short as another one"
         elif following and following * layout.link > _ROUNDS * layout.perimeters[chain.followed]:

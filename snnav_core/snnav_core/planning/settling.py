@@ -11,17 +11,18 @@ from snnav_core.planning.prolonging import Chain
 from snnav_core.planning.spacetime_kernel import Gains, World, longest_and_shortest
 from snnav_core.types import FloatArray
 
-__all__ = ["fine_gains", "settle", "with_target"]
+__all__ = ["fine_gains", "settle", "spacing", "with_target"]
 
-_FINE = 0.02  # rest threshold as a share of G_P
-_CORRECTION = 0.05  # of what a link is too long, per pass
-_MOST_CHANGES = 30
-_TINY_END = 0.02  # of the link length: a shorter last link is left out
+_PULL = 0.2  # G_P as a share of L: with corrected links it may be strong
+_FINE = 0.003  # rest threshold as a share of G_P
+_CORRECTION = 0.03  # of what a link is too long, per pass
+_PASSES = 40  # before the end is looked at
+_TINY_END = 0.005  # of the link length: a shorter last link is left out
 
 
 def fine_gains(link: float, settings: AdjustmentSettings) -> Gains:
     """Constants of the last adjustment: all links come to the length L."""
-    pull = settings.pull * link
+    pull = _PULL * link
     threshold = _FINE * pull
     return Gains(
         link,
@@ -55,21 +56,19 @@ def settle(chain: Chain, world: World, gains: Gains, settings: AdjustmentSetting
     """
     chain.followed = -1
     target = world.ends[1]
-    limit = chain.passes + most
-    for _ in range(_MOST_CHANGES):
-        rests = chain.relax(world, gains, max(limit - chain.passes, 1))
+    limit, rests, gap = chain.passes + most, False, math.inf
+    while chain.passes < limit and not rests:
+        rests = chain.relax(world, gains, _PASSES)
         gap = math.dist(chain.points[chain.n], target) / gains.link
         if gap > settings.longest_end and chain.n + 2 < len(chain.points):
             _add(chain, target, gains)
+            rests = False
         elif gap < settings.shortest_end and chain.n > 1:
             chain.n -= 1
-        elif rests:
-            if gap > 1.0:
-                _add(chain, target, gains)
-            return gap <= 2.0
-        if chain.passes >= limit:
-            return False
-    return False
+            rests = False
+    if 1.0 < gap <= settings.longest_end:
+        _add(chain, target, gains)
+    return rests
 
 
 def _add(chain: Chain, target: FloatArray, gains: Gains) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,21 +22,14 @@ from snnav_core.planning.spacetime_problem import (
     SpacetimeProblem,
     SpacetimeSettings,
 )
-from snnav_core.planning.spacetime_world import Layout, lay_out
+from snnav_core.planning.spacetime_world import Layout, TurningReserve, lay_out
 from snnav_core.types import Certificate, FloatArray, TimedPath
 
 __all__ = ["plan_in_spacetime", "plan_in_turn"]
 
 _SETTLING_PASSES = 3000  # C0-15
+_SPARE = 40  # points that an earlier plan may grow by
 _SAME = 0.2  # of the link length: candidates nowhere farther apart than this are the same path
-
-
-@dataclass
-class _Answer:
-    """A candidate that was adjusted to the end, and the path made of it."""
-
-    candidate: Candidate
-    path: TimedPath | None = None
 
 
 def plan_in_spacetime(
@@ -76,13 +69,25 @@ def plan_in_spacetime(
     -----
     Best of the candidates that were tried; that there is no better one is not claimed (C2-13).
     """
-    layout = lay_out(problem, settings)
+    layout = lay_out(problem, settings, TurningReserve.CORNERS)
     _check_ends(problem, settings, layout)
-    found = search(layout, settings, rng)
-    if previous is not None and (rest := _rest_of(previous, problem, layout)) is not None:
-        found.append(rest)
-    answers = _settled(found, layout, problem, settings)
-    return _choose(answers, problem, settings)
+    failure: NoPathFound | None = None
+    for reserve in TurningReserve:
+        other = lay_out(problem, settings, reserve)
+        if failure is not None and (other.world.kept[:, 0] == layout.world.kept[:, 0]).all():
+            continue
+        layout = other
+        arrivals = _Arrivals(problem, settings, layout)
+        found = search(layout, settings, rng, arrivals.add)
+        if previous is not None and (rest := _rest_of(previous, problem, layout)) is not None:
+            arrivals.add(rest)
+            found.append(rest)
+        try:
+            return _choose(found, arrivals, problem, layout)
+        except NoPathFound as error:
+            failure = failure or error
+    assert failure is not None
+    raise failure
 
 
 def _check_ends(problem: SpacetimeProblem, settings: SpacetimeSettings, layout: Layout) -> None:
@@ -121,78 +126,87 @@ def _rest_of(previous: SpacetimePlan, problem: SpacetimeProblem, layout: Layout)
     goes_there = math.dist(previous.path.points[-1, :2], problem.target) <= layout.link
     if left < layout.step or not goes_there or left / layout.step + 2 > layout.most_points:
         return None
-    times = problem.start_time + layout.step * np.arange(1, int(left / layout.step) + 1)
+    times: FloatArray = problem.start_time + layout.step * np.arange(1.0, int(left / layout.step) + 1)
     points = np.vstack((problem.start.position, previous.path.positions_at(times)[:, :2]))
-    return Found(Chain.along(points, layout.link, 40), CandidateOutcome.REACHED)
+    return Found(Chain.along(points, layout.link, _SPARE))
 
 
-def _settled(
-    found: list[Found], layout: Layout, problem: SpacetimeProblem, settings: SpacetimeSettings
-) -> list[_Answer]:
-    """Adjust to the end what has reached the target, and drop what comes out the same."""
-    gains = fine_gains(layout.link, settings.adjustment)
-    answers: list[_Answer] = []
-    for one in found:
-        chain = one.chain
-        turns = tuple((layout.names[body], side) for body, side in chain.turns)
-        if one.outcome is not CandidateOutcome.REACHED:
-            outcome = one.outcome or CandidateOutcome.UNSETTLED
-            points = chain.chain.copy()
-            answers.append(_Answer(Candidate(points, turns, outcome, math.inf, chain.passes, one.reason)))
-            continue
-        rests = settle(chain, layout.world, gains, settings.adjustment, _SETTLING_PASSES)
+class _Arrivals:
+    """Candidates that have reached the target: adjusted to the end, told apart, and checked when they are the best."""
+
+    def __init__(self, problem: SpacetimeProblem, settings: SpacetimeSettings, layout: Layout) -> None:
+        self.problem, self.settings, self.layout = problem, settings, layout
+        self.best: Found | None = None
+        self.certificate: Certificate | None = None
+        self._paths: list[TimedPath] = []
+
+    def add(self, one: Found) -> float:
+        """Settle a candidate; travel time of the best that is accepted [s], infinite if there is none."""
+        chain, layout, problem = one.chain, self.layout, self.problem
+        gains = fine_gains(layout.link, self.settings.adjustment)
+        rests = settle(chain, layout.world, gains, self.settings.adjustment, _SETTLING_PASSES)
         points = with_target(chain, layout.world.ends[1], layout.link)
-        time = (len(points) - 2) * layout.step + math.dist(points[-2], points[-1]) / problem.robot.speed
-        outcome, reason = _verdict(points[:-1], rests, layout.link, settings)
-        if outcome is CandidateOutcome.REACHED and any(_same(points, other, layout.link) for other in answers):
-            outcome, reason = CandidateOutcome.DUPLICATE, "another candidate is adjusted to the same path"
-        reached = outcome is CandidateOutcome.REACHED
-        candidate = Candidate(points, turns, outcome, time if reached else math.inf, chain.passes, reason)
-        path = TimedPath(problem.start_time, layout.step, points) if reached else None
-        answers.append(_Answer(candidate, path))
-    return answers
+        one.outcome, one.reason = _verdict(points[:-1], rests, layout.link, self.settings)
+        one.path = TimedPath(problem.start_time, layout.step, points)
+        if one.outcome is CandidateOutcome.REACHED:
+            rest = math.dist(points[-2], points[-1])
+            one.travel_time = (len(points) - 2) * layout.step + rest / problem.robot.speed
+            self._compare(one, one.path)
+        return math.inf if self.best is None else self.best.travel_time
+
+    def _compare(self, one: Found, path: TimedPath) -> None:
+        if any(_same(path, other) for other in self._paths):
+            one.outcome, one.travel_time = CandidateOutcome.DUPLICATE, math.inf
+            one.reason = "another candidate is adjusted to the same path"
+            return
+        self._paths.append(path)
+        if self.best is not None and one.travel_time >= self.best.travel_time:
+            return
+        certificate = certify_in_spacetime(path, self.problem, self.settings)
+        if certificate.accepted:
+            self.best, self.certificate = one, certificate
+        else:
+            one.outcome, one.reason = CandidateOutcome.REFUSED, certificate.reason
 
 
 def _verdict(
     points: FloatArray, rests: bool, link: float, settings: SpacetimeSettings
 ) -> tuple[CandidateOutcome, str]:
+    """Whether a candidate may be asked of the certificate: spacing counts, not how still its points are (C0-15)."""
     longest, shortest = spacing(points)
-    stretched = longest > settings.longest_link * link or shortest < (2.0 - settings.longest_link) * link
-    if stretched and len(points) > 1:
-        reason = f"links from {shortest:.3f} to {longest:.3f} m at rest, demanded {link:.3f} m"
-        return CandidateOutcome.STRETCHED, reason
-    if not rests and False:
-        return CandidateOutcome.UNSETTLED, f"no rest after {_SETTLING_PASSES} passes"
-    return CandidateOutcome.REACHED, ""
+    if longest <= settings.longest_link * link and shortest >= (2.0 - settings.longest_link) * link:
+        return CandidateOutcome.REACHED, ""
+    reason = f"links from {shortest:.3f} to {longest:.3f} m, demanded {link:.3f} m"
+    return (CandidateOutcome.STRETCHED if rests else CandidateOutcome.UNSETTLED), reason
 
 
-def _same(points: FloatArray, other: _Answer, link: float) -> bool:
-    if other.path is None or abs(len(other.path) - len(points)) > 1:
+def _same(path: TimedPath, other: TimedPath) -> bool:
+    if abs(len(other) - len(path)) > 1:
         return False
-    count = min(len(points), len(other.path))
-    return float(np.abs(points[:count] - other.path.points[:count]).max()) < _SAME * link
+    count = min(len(path), len(other))
+    link = math.dist(path.points[0], path.points[1])
+    return float(np.abs(path.points[:count] - other.points[:count]).max()) < _SAME * link
 
 
-def _choose(answers: list[_Answer], problem: SpacetimeProblem, settings: SpacetimeSettings) -> SpacetimePlan:
-    """The fastest candidate that the certificate accepts."""
-    certificate: Certificate | None = None
-    chosen: _Answer | None = None
-    for answer in sorted(answers, key=lambda one: one.candidate.travel_time):
-        if answer.path is None or chosen is not None:
-            continue
-        certificate = certify_in_spacetime(answer.path, problem, settings)
-        if certificate.accepted:
-            chosen = answer
-        else:
-            answer.candidate = replace(
-                answer.candidate, outcome=CandidateOutcome.REFUSED, reason=certificate.reason
-            )
-    candidates = tuple(answer.candidate for answer in answers)
-    if chosen is None or chosen.path is None or certificate is None:
-        raise NoPathFound(_why_none(candidates, problem))
-    return SpacetimePlan(
-        problem.robot.id, chosen.path, chosen.candidate.travel_time, certificate, candidates
+def _choose(
+    found: list[Found], arrivals: _Arrivals, problem: SpacetimeProblem, layout: Layout
+) -> SpacetimePlan:
+    """The fastest candidate that the certificate accepted, beside all others."""
+    candidates = tuple(
+        Candidate(
+            one.chain.chain.copy() if one.path is None else one.path.points,
+            tuple((layout.names[body], side) for body, side in one.chain.turns),
+            one.outcome or CandidateOutcome.UNSETTLED,
+            one.travel_time,
+            one.chain.passes,
+            one.reason,
+        )
+        for one in found
     )
+    best, certificate = arrivals.best, arrivals.certificate
+    if best is None or best.path is None or certificate is None:
+        raise NoPathFound(_why_none(candidates, problem))
+    return SpacetimePlan(problem.robot.id, best.path, best.travel_time, certificate, candidates)
 
 
 def _why_none(candidates: tuple[Candidate, ...], problem: SpacetimeProblem) -> str:

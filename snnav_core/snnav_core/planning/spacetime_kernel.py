@@ -11,17 +11,27 @@ import numpy as np
 from snnav_core.area.clearance import nearest_boundary
 from snnav_core.types import FloatArray
 
-__all__ = ["Gains", "World", "cuts", "demanded", "distance", "distances_over_time", "longest_and_shortest", "relax", "touched"]
+__all__ = [
+    "Gains",
+    "World",
+    "cuts",
+    "demanded",
+    "distance",
+    "distances_over_time",
+    "longest_and_shortest",
+    "relax",
+    "touched",
+]
 
 _TINY = 1e-12
 _TOUCHING = -1e-9  # [m]
-_SLOPE = 0.3  # how fast what is demanded rises with the distance from start and target, where it has to be less
+_SLOPE = 0.3  # of what is demanded, over the distance from start or target where that has to be less there
 _STEEPEST = 1.0 + _SLOPE
 _QUIET = 5  # passes in which everything is small before rest counts
 _ATTRACTION = 2.0  # largest attraction to the followed body as a multiple of G_P
 _FAR = 1e9  # [m]
 _SHORTEST = 0.3  # rest length of a link as a share of L: the tension of a chain is bounded
-_EVEN = 0.004  # of L: links that can be L long differ less from it at rest
+_EVEN = 0.001  # of L: links that can be L long differ less from it at rest
 
 
 class World(NamedTuple):
@@ -116,7 +126,19 @@ def _border(world, x, y):  # type: ignore[no-untyped-def]
     if len(starts) == 0:
         return _FAR, 1.0, 0.0
     return nearest_boundary(
-        x, y, math.inf, starts, ends, normals_start, normals_end, offsets, members, origin, size, columns, rows
+        x,
+        y,
+        math.inf,
+        starts,
+        ends,
+        normals_start,
+        normals_end,
+        offsets,
+        members,
+        origin,
+        size,
+        columns,
+        rows,
     )
 
 
@@ -217,6 +239,7 @@ def _keep_out(world, first, n, p, velocity, force, memory):  # type: ignore[no-u
             _push(i, rho - demanded(kept, ends, body, x, y), nx, ny, p, velocity, force)
             continue
         nearest, least, second = 0, math.inf, math.inf
+        contacts, ox, oy = 0, 0.0, 0.0
         for body in range(count + 1):
             if body < count:
                 spare = _farther(shifts, circles, body, i, p[i, 0], p[i, 1]) - kept[body, 0]
@@ -226,10 +249,14 @@ def _keep_out(world, first, n, p, velocity, force, memory):  # type: ignore[no-u
                     rho, nx, ny = _outline(vertices, offsets, shifts, circles, body, i, p[i, 0], p[i, 1])
                     spare = rho - demanded(kept, ends, body, p[i, 0], p[i, 1])
                     _push(i, spare, nx, ny, p, velocity, force)
+                    if spare < -_TOUCHING:
+                        contacts, ox, oy = _corner(i, contacts, ox, oy, nx, ny, velocity, force)
             elif bounded:
                 rho, nx, ny = _border(world, p[i, 0], p[i, 1])
                 spare = rho - demanded(kept, ends, body, p[i, 0], p[i, 1])
                 _push(i, spare, nx, ny, p, velocity, force)
+                if spare < -_TOUCHING:
+                    contacts, ox, oy = _corner(i, contacts, ox, oy, nx, ny, velocity, force)
             else:
                 continue
             if spare < least:
@@ -255,6 +282,17 @@ def _push(i, spare, nx, ny, p, velocity, force):  # type: ignore[no-untyped-def]
     inward = min(force[i, 0] * nx + force[i, 1] * ny, 0.0)
     force[i, 0] -= inward * nx
     force[i, 1] -= inward * ny
+
+
+@numba.njit(cache=True, nogil=True)
+def _corner(i, contacts, ox, oy, nx, ny, velocity, force):  # type: ignore[no-untyped-def]
+    """Where two bodies are touched: what leads out of one into the other, with normal (ox, oy), leads nowhere."""
+    if contacts > 0:
+        if velocity[i, 0] * ox + velocity[i, 1] * oy < 0.0:
+            velocity[i, 0], velocity[i, 1] = 0.0, 0.0
+        if force[i, 0] * ox + force[i, 1] * oy < 0.0:
+            force[i, 0], force[i, 1] = 0.0, 0.0
+    return contacts + 1, nx, ny
 
 
 @numba.njit(cache=True, nogil=True)

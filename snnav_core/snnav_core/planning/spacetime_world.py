@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 import shapely
@@ -13,7 +14,7 @@ from snnav_core.planning.spacetime_kernel import World, distances_over_time
 from snnav_core.planning.spacetime_problem import SpacetimeProblem, SpacetimeSettings
 from snnav_core.types import FloatArray
 
-__all__ = ["BORDER", "Layout", "lay_out"]
+__all__ = ["BORDER", "Layout", "TurningReserve", "lay_out"]
 
 BORDER = "workspace"
 """Name of the border of the workspace in messages and turns."""
@@ -32,6 +33,14 @@ _NOWHERE = (
     1,
     1,
 )
+
+
+class TurningReserve(Enum):
+    """How much farther than the margin demands a path keeps from bodies, so that it holds the turning radius."""
+
+    CORNERS = "corners"  # R_min and a reserve around corners of bodies that stand
+    FOLLOWING = "following"  # (1 + beta)^2 as much around those in motion, to go all along them (C2-2)
+    NONE = "none"  # for narrow passages
 
 
 @dataclass(frozen=True)
@@ -76,22 +85,20 @@ class Layout:
         return int(self.world.shifts.shape[1])
 
 
-def lay_out(problem: SpacetimeProblem, settings: SpacetimeSettings, reserve: float = _RADIUS_RESERVE) -> Layout:
+def lay_out(problem: SpacetimeProblem, settings: SpacetimeSettings, reserve: TurningReserve) -> Layout:
     """Lay a problem out for the kernels.
 
     Parameters
     ----------
     problem : SpacetimeProblem
     settings : SpacetimeSettings
-    reserve : float
-        The path keeps so much of bodies that going around their corners takes this many smallest turning radii,
-        where start and target allow it; 0 to keep the safety margin only.
+    reserve : TurningReserve
 
     Notes
     -----
     Deviations: the planning distance holds the margin along links too, also relative to bodies in motion (C0-7), and
-    is not below (1 + beta)^2 R_min for corners (C2-2). Links are a fraction of v delta where C0-10 and C2-10 demand
-    it: at most half of the planning distance, the smallest radius of the path.
+    leaves corners the turning radius that `reserve` says (C2-2). Links are a fraction of v delta where C0-10
+    and C2-10 demand it: at most half of the planning distance, the smallest radius of the path.
     """
     speed = problem.robot.speed
     parts = _parts(problem, settings)
@@ -100,14 +107,20 @@ def lay_out(problem: SpacetimeProblem, settings: SpacetimeSettings, reserve: flo
     holes = _holes(problem)
     straight = math.dist(problem.start.position, problem.target)
     count = _most_points(problem, settings, straight, link, holes)
-    times = problem.start_time + step * np.arange(count)
+    times: FloatArray = problem.start_time + step * np.arange(float(count))
     bodies = _bodies(problem, settings, times, holes)
-    turning = reserve * problem.robot.min_turn_radius
-    margins = np.array([*(body.margin for body in bodies), settings.safety_margin + settings.tracking_tolerance])
+    turning = _RADIUS_RESERVE * problem.robot.min_turn_radius
+    margins = np.array(
+        [*(body.margin for body in bodies), settings.safety_margin + settings.tracking_tolerance]
+    )
     shares = np.array([*(body.share for body in bodies), 0.0])
     radii = np.array([*(body.radius for body in bodies), 0.0])
     least = np.hypot(margins, 0.5 * settings.longest_link * link * (1.0 + shares))
-    wanted = np.maximum(least, turning * (1.0 + shares) ** 2 - radii)
+    if reserve is not TurningReserve.NONE:
+        shares = shares if reserve is TurningReserve.FOLLOWING else np.zeros_like(shares)
+        wanted = np.maximum(least, turning * (1.0 + shares) ** 2 - radii)
+    else:
+        wanted = least
     world = _pack(problem, bodies, wanted, count)
     earliest = int(straight / link)
     at_start, at_target = distances_over_time(world, earliest)
@@ -133,7 +146,11 @@ def _parts(problem: SpacetimeProblem, settings: SpacetimeSettings) -> int:
 
 
 def _most_points(
-    problem: SpacetimeProblem, settings: SpacetimeSettings, straight: float, link: float, holes: list[FloatArray]
+    problem: SpacetimeProblem,
+    settings: SpacetimeSettings,
+    straight: float,
+    link: float,
+    holes: list[FloatArray],
 ) -> int:
     around = sum(_perimeter(body.outline) + 2.0 * math.pi * body.radius for body in problem.obstacles)
     around += sum(_perimeter(hole) for hole in holes) + _border_length(problem)
@@ -195,9 +212,7 @@ def _pack(problem: SpacetimeProblem, bodies: list[_Body], keep: FloatArray, coun
     vertices = [body.outline for body in bodies]
     radii = np.array([body.radius for body in bodies])
     boxes = [0.5 * (outline.min(axis=0) + outline.max(axis=0)) for outline in vertices]
-    reach = [
-        float(np.hypot(*(outline - box).T).max()) for outline, box in zip(vertices, boxes, strict=True)
-    ]
+    reach = [float(np.hypot(*(outline - box).T).max()) for outline, box in zip(vertices, boxes, strict=True)]
     circles = np.column_stack((np.array(boxes).reshape(-1, 2), np.array(reach) + radii, radii))
     return World(
         vertices=np.concatenate([np.zeros((0, 2)), *vertices]),
