@@ -185,7 +185,11 @@ class RobotNode(ManagedNode):
 
     def _on_word(self, message: DiagnosticStatus) -> None:
         """In lockstep: note that a planner is through with an instant; obey at once if it stops this robot."""
-        word = word_from_message(message, PLANNERS_TOPIC)
+        try:
+            word = word_from_message(message, PLANNERS_TOPIC)
+        except InvalidInput as error:
+            self.get_logger().warning(f"message not used: {error}", throttle_duration_sec=5.0)
+            return
         self._words[word.planner] = word.stamp
         if self._presence.is_there and self.spec.id in dict(word.stops):
             self._obey(self._gate.offer_path(stop_to_path(word.stamp), self._now()))

@@ -15,13 +15,16 @@ from rosgraph_msgs.msg import Clock
 
 from snnav_core.types import Pose2D
 from snnav_ros.convert import (
+    Word,
     nanoseconds,
     odometry_to_message,
     stamp_message,
+    word_to_message,
 )
 from snnav_ros.nodes.base import NodeOptions
 from snnav_ros.nodes.node_time import now_of
 from snnav_ros.nodes.robot import RobotNode
+from snnav_ros.qos import LATCHED, for_mode
 from support.robot_cart import CART, TICK, CartOfTicks, certified
 
 Change = Callable[[Path, DiagnosticStatus], None]
@@ -256,3 +259,12 @@ def test_a_path_from_elsewhere_is_refused_and_the_next_one_from_here_is_followed
     assert cart.speed == 0.0
     assert any("from the robot, allowed 0.30 m; check its odometry" in text for text in cart.said())
     cart.drive()
+
+
+def test_a_word_of_a_planner_that_lies_is_not_used(graph: Any, capfd: pytest.CaptureFixture[str]) -> None:
+    node = graph.add(RobotNode, **CART, lockstep=True, planners=["planner_1"])
+    words = graph.speak(DiagnosticStatus, "planners", for_mode(True, LATCHED))
+    words.publish(DiagnosticStatus(name="planner_1"))
+    words.publish(word_to_message(Word("planner_1", TICK, "a", 1)))
+    graph.until(lambda: node._words == {"planner_1": TICK}, "the good word")
+    assert "message not used: planners: key 'stamp' is missing" in capfd.readouterr().err
