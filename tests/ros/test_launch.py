@@ -76,6 +76,16 @@ def arguments_of(description: Any) -> dict[str, Any]:
     return {part.args[0]: part.kwargs["default_value"] for part in parts}
 
 
+def brought_up(graph: Any, nodes: list[Any]) -> dict[str, Any]:
+    """Make the nodes of a launch file in this process; return them by their names."""
+    made = {}
+    for node in nodes:
+        (parameters,) = node.kwargs["parameters"]
+        name = node.kwargs["name"]
+        made[name] = graph.add(KINDS[node.kwargs["executable"]], name, **parameters)
+    return made
+
+
 @pytest.mark.parametrize("lockstep", ["false", "true"])
 def test_scene_brings_up_its_nodes(launch_file: Any, graph: Any, lockstep: str) -> None:
     module = launch_file("scene.launch.py")
@@ -84,12 +94,7 @@ def test_scene_brings_up_its_nodes(launch_file: Any, graph: Any, lockstep: str) 
     assert [node.kwargs["name"] for node in nodes] == [
         "lms_west", "lms_east", "fusion_node", "planner_node", "robot_1", "clock_node",
     ]  # fmt: skip
-    made = {}
-    for node in nodes:
-        (parameters,) = node.kwargs["parameters"]
-        made[node.kwargs["name"]] = graph.add(
-            KINDS[node.kwargs["executable"]], node.kwargs["name"], **parameters
-        )
+    made = brought_up(graph, nodes)
     graph.until(lambda: made["clock_node"].time > 3.0)
     graph.until(lambda: made["robot_1"]._base.pose.x > 1.3, "the robot to drive")
 
@@ -109,12 +114,7 @@ def test_several_planners_and_an_operator_where_the_scene_asks_for_them(
     assert [node.kwargs["name"] for node in nodes][2:] == [
         "fusion_node", "planner_1", "planner_2", "robot_1", "late", "operator_node", "clock_node",
     ]  # fmt: skip
-    made = {}
-    for node in nodes:
-        (parameters,) = node.kwargs["parameters"]
-        made[node.kwargs["name"]] = graph.add(
-            KINDS[node.kwargs["executable"]], node.kwargs["name"], **parameters
-        )
+    made = brought_up(graph, nodes)
     graph.until(lambda: made["clock_node"].time > 4.0)
     assert made["planner_1"]._goals["robot_1"] == (2.0, 4.8)
     assert set(made["planner_2"].robots) == {"robot_1", "late"}
