@@ -19,7 +19,7 @@ _BINS = 40
 
 
 def ratio_figure(planned: Sequence[float], safety_margin: Sequence[float]) -> bytes:
-    """Draw how long ways were against the exact optimum at the planning distance, and in the d_s-reduced area.
+    """Draw how long ways were against the exact optimum at the planning distance, and at the safety margin.
 
     Returns
     -------

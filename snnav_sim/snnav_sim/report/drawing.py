@@ -150,5 +150,5 @@ def draw_shares(axes: Axes, times: FloatArray, distances: FloatArray) -> None:
     shown = np.any(np.isfinite(there), axis=0)
     for share, colour in ((50, "#8fbbe0"), (10, "#2f7ab8")):
         curve = np.nanpercentile(there[:, shown], share, axis=0)
-        label = f"{'half' if share == 50 else 'a tenth'} of the robots is nearer"
+        label = f"{'half' if share == 50 else 'a tenth'} of the robots are nearer"
         axes.plot(times[shown], curve, color=colour, linewidth=1.2, label=label)

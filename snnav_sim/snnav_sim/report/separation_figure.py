@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -31,14 +33,10 @@ def draw_separation(scene: Scene, apart: Separations, file: Path) -> None:
         label = robot.id if look.handles and not look.crowded else None
         width = 0.6 * look.width if not look.crowded else 0.7
         axes.plot(apart.times, apart.least[index], color=look.colours[index], linewidth=width, label=label)
-    row, column = np.unravel_index(int(np.argmin(apart.least)), apart.least.shape)
-    least, when = float(apart.least[row, column]), float(apart.times[column])
-    pair = f"{scene.robots[row].id} to {scene.robots[int(apart.nearest[row, column])].id}"
     if len(scene.robots) > 2:
         all_of_them = apart.least.min(axis=0)
         axes.plot(apart.times, all_of_them, color="black", linewidth=1.6, label="least of all robots")
-    text = f"least: {np.floor(1000.0 * least) / 1000.0:.3f} m, {pair}, {when:.1f} s"
-    axes.plot(when, least, "o", color="black", markersize=5, zorder=5, label=text)
+    least = _draw_least(axes, scene, apart)
     axes.axhspan(min(0.0, least), margin, color=MARGIN, alpha=0.08, linewidth=0)
     axes.axhline(margin, color=MARGIN, linewidth=1.2, linestyle="--", label=f"safety margin {margin:g} m")
     axes.set_xlim(0.0, max(float(apart.times[-1]), scene.sampling_interval))
@@ -56,3 +54,14 @@ def draw_separation(scene: Scene, apart: Separations, file: Path) -> None:
         handles, labels, fontsize=8, ncols=4, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.14)
     )
     figure.savefig(file, dpi=_DPI, bbox_inches="tight", pad_inches=0.15)
+
+
+def _draw_least(axes: Axes, scene: Scene, apart: Separations) -> float:
+    """Mark where two robots came nearest and return how near [m]; inf and no mark when no two were ever there."""
+    row, column = np.unravel_index(int(np.argmin(apart.least)), apart.least.shape)
+    least, when = float(apart.least[row, column]), float(apart.times[column])
+    if math.isfinite(least):
+        pair = f"{scene.robots[row].id} to {scene.robots[int(apart.nearest[row, column])].id}"
+        text = f"least: {np.floor(1000.0 * least) / 1000.0:.3f} m, {pair}, {when:.1f} s"
+        axes.plot(when, least, "o", color="black", markersize=5, zorder=5, label=text)
+    return least

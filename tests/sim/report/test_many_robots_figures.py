@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from snnav_core.types import Pose2D, TimedPath, VelocityCommand
@@ -118,3 +119,20 @@ def test_all_figures_are_drawn(tmp_path: Path, room: Scene, count: int) -> None:
         assert image.shape[1] > 1000
         assert float(image[..., :3].std()) > 0.01, "something is drawn"
     assert imread(tmp_path / "decisions.png").shape[0] < 1800
+
+
+@pytest.mark.parametrize("together", [False, True])
+def test_only_robots_that_were_there_at_once_have_a_least_separation(
+    tmp_path: Path, room: Scene, monkeypatch: pytest.MonkeyPatch, together: bool
+) -> None:
+    """One may leave before the other one joins."""
+    scene, record = many(room, 2), RunRecord(0)
+    for index, robot in enumerate(scene.robots):
+        for tick in range(20):
+            time = 0.05 * tick + (0.0 if together else 5.0 * index)
+            record.add_sample(robot.id, time, Pose2D(*robot.start, 0.0), VelocityCommand(0.0, 0.0))
+    drawn: list[Figure] = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
+    draw_separation(scene, separations(scene, record), tmp_path / "separation.png")
+    labels = [text.get_text() for text in drawn[0].axes[0].get_legend().get_texts()]
+    assert any(label.startswith("least: ") for label in labels) == together
