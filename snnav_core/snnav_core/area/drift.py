@@ -27,8 +27,10 @@ class BodySample:
 
     Parameters
     ----------
+    taken : float
+        Time of the measurement [s].
     points, normals : ndarray, shape (n, 2)
-        [m, map] and unit vectors.
+        [m, map] and unit vectors, 0, 0 where none is known.
     times : ndarray, shape (n,)
         [s]
     spacing : ndarray, shape (n,)
@@ -36,6 +38,7 @@ class BodySample:
     sensors : ndarray of int, shape (n,)
     """
 
+    taken: float
     points: FloatArray
     normals: FloatArray
     times: FloatArray
@@ -52,11 +55,23 @@ class BodySample:
     def part(self, chosen: NDArray[np.int64] | NDArray[np.bool_]) -> BodySample:
         """Some of the hits."""
         return BodySample(
+            self.taken,
             self.points[chosen],
             self.normals[chosen],
             self.times[chosen],
             self.spacing[chosen],
             self.sensors[chosen],
+        )
+
+    def joined(self, other: BodySample) -> BodySample:
+        """These hits and others of the same measurement."""
+        return BodySample(
+            self.taken,
+            np.concatenate((self.points, other.points)),
+            np.concatenate((self.normals, other.normals)),
+            np.concatenate((self.times, other.times)),
+            np.concatenate((self.spacing, other.spacing)),
+            np.concatenate((self.sensors, other.sensors)),
         )
 
 
@@ -125,13 +140,13 @@ def _middle_information(samples: Sequence[BodySample]) -> tuple[FloatArray, Floa
     information, vector = 1e-6 * np.eye(2), np.zeros(2)
     for sensor in np.unique(np.concatenate([sample.sensors for sample in samples])):
         rows = []
-        extent = spacing = 0.0
+        extents, spacing = [], 0.0
         for sample in samples:
             own = sample.sensors == sensor
             if own.any():
                 points = sample.points[own]
                 rows.append((*(0.5 * (points.min(axis=0) + points.max(axis=0))), sample.times[own].mean()))
-                extent = max(extent, float(np.hypot(*np.ptp(points, axis=0))))
+                extents.append(float(np.hypot(*np.ptp(points, axis=0))))
                 spacing = max(spacing, float(sample.spacing[own].mean()))
         table = np.array(rows)
         table -= table.mean(axis=0)
@@ -141,7 +156,8 @@ def _middle_information(samples: Sequence[BodySample]) -> tuple[FloatArray, Floa
             continue
         slope = times @ places / spread
         misfit = float(np.sum((places - np.outer(times, slope)) ** 2)) / max(1, 2 * (len(times) - 2))
-        variance = max((0.5 * spacing) ** 2, (_SHAPE_CHANGE * extent) ** 2, misfit)
+        uncertain = max(0.5 * spacing, _SHAPE_CHANGE * max(extents), 0.5 * (max(extents) - min(extents)))
+        variance = max(uncertain**2, misfit)
         information += np.eye(2) * spread / variance
         vector += spread * slope / variance
     return information, vector

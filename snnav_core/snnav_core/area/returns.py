@@ -17,6 +17,7 @@ __all__ = ["FusedReturns", "fused_returns"]
 
 _JUMP_RATIO, _JUMP_DISTANCE = 5.0, 0.03  # as `ScanSettings`
 _SIDE_BEAMS = 2  # neighbours on either side that a normal is fitted to
+_UNEVEN = 0.012  # [m] off a line fitted to a hit and its neighbours: a corner
 _LARGEST_SKIP = 2  # beams; one that was lost does not end a surface
 
 
@@ -104,9 +105,8 @@ class FusedReturns:
 
     @cached_property
     def normals(self) -> FloatArray:
-        """Unit normals of the surfaces towards the sensors, shape (K, 2); towards the sensor for a single point."""
+        """Unit normals of the surfaces towards the sensors, shape (K, 2); 0, 0 at corners and single points."""
         towards = self.origins[self.sensors] - self.points
-        towards /= np.maximum(np.hypot(*towards.T), 1e-9)[:, None]
         count, first, second = np.zeros(len(self)), np.zeros((len(self), 2)), np.zeros((len(self), 3))
         for offset in range(-_SIDE_BEAMS, _SIDE_BEAMS + 1):
             own = slice(max(0, -offset), len(self) - max(0, offset))
@@ -122,8 +122,8 @@ class FusedReturns:
         along = 0.5 * np.arctan2(2.0 * xy, xx - yy)
         normals = np.column_stack((-np.sin(along), np.cos(along)))
         normals *= np.where(np.sum(normals * towards, axis=1) < 0.0, -1.0, 1.0)[:, None]
-        single = count < 3.0
-        normals[single] = towards[single]
+        uneven = 0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy)  # mean square distance from the fitted line
+        normals[(count < 3.0) | (uneven > _UNEVEN**2)] = 0.0
         return normals
 
 

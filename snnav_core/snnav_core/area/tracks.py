@@ -6,13 +6,15 @@ import math
 from collections import deque
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
 from snnav_core.area.clusters import cluster_returns
-from snnav_core.area.drift import BodySample, Drift, fit_drift
+from snnav_core.area.drift import BodySample, fit_drift
 from snnav_core.area.explained import build_scene
+from snnav_core.area.overlay import intersection
 from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.area.returns import FusedReturns
 from snnav_core.area.track import Track
@@ -23,6 +25,8 @@ from snnav_core.types import FloatArray
 __all__ = ["ObstacleTracker", "TrackedScene", "TrackerSettings"]
 
 _NEAR = 0.1  # [m]; a hit is where the body was expected
+_FRAGMENT = 0.5  # share of its hits that lie where a moving body is expected: a part of it
+_SAME_WAY = 2.0  # velocities that differ by less, in deviations, are the same
 _STAYS_MOVING = 0.5  # share of the confidence at which a body that moved counts as moving still
 _SAME_TIME = 1e-6  # [s]
 
@@ -83,13 +87,13 @@ class ObstacleTracker:
         evidence = self._entered(returns)
         fresh = self._fresh(returns)
         owners = self._match(clusters, labels, gaps)
-        for cluster, track in owners.items():
-            own = clusters == cluster
+        for track in dict.fromkeys(owners.values()):
+            own = np.isin(clusters, [cluster for cluster, owner in owners.items() if owner is track])
             track.seen = time
             if (own & fresh).any():
                 self._extend(track, returns, own & fresh)
-                left = self._left(track, area)
-                self._judge(track, int((own & evidence).sum()) + left)
+                self._judge(track, int((own & evidence).sum()) + self._left(track, area))
+        self._join(area)
         self.tracks = [track for track in self.tracks if time - track.seen <= self.settings.patience]
         self._areas.append(area)
         while time - self._areas[0].stamp > self.settings.window:
@@ -132,12 +136,16 @@ class ObstacleTracker:
         rows, columns = linear_sum_assignment(votes, maximize=True)
         tracks = list(self.tracks)
         owners = {int(r): tracks[c] for r, c in zip(rows, columns, strict=True) if votes[r, c] > 0.0}
-        for cluster in np.flatnonzero(sizes >= self.settings.least_points):
-            if int(cluster) not in owners:
-                self._count += 1
-                track = Track(f"body_{self._count}")
-                self.tracks.append(track)
-                owners[int(cluster)] = track
+        for cluster in np.flatnonzero(sizes >= self.settings.least_points).tolist():
+            if cluster in owners:
+                continue
+            best = int(votes[cluster].argmax()) if tracks else 0
+            if tracks and tracks[best].moving and votes[cluster, best] > _FRAGMENT * sizes[cluster]:
+                owners[cluster] = tracks[best]
+                continue
+            self._count += 1
+            owners[cluster] = Track(f"body_{self._count}")
+            self.tracks.append(owners[cluster])
         return owners
 
     def _fresh(self, returns: FusedReturns) -> NDArray[np.bool_]:
@@ -167,39 +175,50 @@ class ObstacleTracker:
 
     def _extend(self, track: Track, returns: FusedReturns, own: NDArray[np.bool_]) -> None:
         sample = BodySample(
+            self._time,
             returns.points[own],
             returns.normals[own],
             returns.times[own],
             returns.spacing[own],
             returns.sensors[own],
         )
-        track.samples.append(sample)
-        while self._time - track.samples[0].times.max() > self.settings.window:
-            track.samples.popleft()
+        track.take(sample, self.settings.window)
 
     def _judge(self, track: Track, evidence: int) -> None:
         """Decide whether a body moves, and how fast."""
         settings = self.settings
-        if track.extent > settings.largest_body or len(track.samples) < 2:
-            track.moving, track.velocity = False, np.zeros(2)
-            return
-        if evidence < settings.least_evidence and not track.moving:
-            track.velocity = np.zeros(2)
-            track.deviation = (
-                settings.least_speed if len(track.samples) >= settings.least_samples else math.inf
-            )
-            return
-        drift = self._fit(track)
         known = len(track.samples) >= settings.least_samples
-        needed = settings.confidence * (_STAYS_MOVING if track.moving else 1.0)
-        track.moving = (
-            known
-            and drift.significance > needed
-            and settings.least_speed < float(np.hypot(*drift.velocity)) <= settings.top_speed
-        )
-        track.velocity = drift.velocity if track.moving else np.zeros(2)
-        track.deviation = drift.deviation if known else math.inf
+        track.standing_deviation = settings.least_speed if known else math.inf
+        if track.extent > settings.largest_body or not known:
+            track.moving = False
+        elif track.moving or evidence >= settings.least_evidence:
+            guess = track.velocity if track.moving else None
+            track.drift = drift = fit_drift(track.chosen_samples(), settings.range_noise, guess)
+            needed = settings.confidence * (_STAYS_MOVING if track.moving else 1.0)
+            speed = float(np.hypot(*drift.velocity))
+            track.moving = drift.significance > needed and settings.least_speed < speed <= settings.top_speed
+            track.standing_deviation = max(settings.least_speed, drift.deviation)
 
-    def _fit(self, track: Track) -> Drift:
-        guess = track.velocity if track.moving else None
-        return fit_drift(track.chosen_samples(), self.settings.range_noise, guess)
+    def _join(self, area: UnoccupiedArea) -> None:
+        """Make one of moving tracks that go the same way and have nothing free between them."""
+        moving = [track for track in self.tracks if track.moving and track.seen == self._time]
+        for index, track in enumerate(moving):
+            for other in moving[index + 1 :]:
+                if track in self.tracks and other in self.tracks and self._are_one(track, other, area):
+                    track.absorb(other)
+                    self._judge(track, self.settings.least_evidence)
+                    self.tracks.remove(other)
+
+    def _are_one(self, track: Track, other: Track, area: UnoccupiedArea) -> bool:
+        if track.drift is None or other.drift is None:
+            return False
+        apart = track.drift.velocity - other.drift.velocity
+        doubt = track.drift.covariance + other.drift.covariance + self.settings.least_speed**2 * np.eye(2)
+        if float(apart @ np.linalg.solve(doubt, apart)) > _SAME_WAY**2:
+            return False
+        points = np.concatenate((track.samples[-1].points, other.samples[-1].points))
+        if float(np.hypot(*np.ptp(points, axis=0))) > self.settings.largest_body:
+            return False
+        hulls = [shapely.MultiPoint(one.samples[-1].points).convex_hull for one in (track, other)]
+        between = shapely.shortest_line(*hulls)
+        return bool(intersection(between, area.region).length <= self.settings.free_depth)
