@@ -14,7 +14,12 @@ __all__ = ["cluster_returns"]
 
 
 def cluster_returns(
-    returns: FusedReturns, link_distance: float, labels: NDArray[np.int64]
+    returns: FusedReturns,
+    link_distance: float,
+    labels: NDArray[np.int64],
+    arrived: NDArray[np.bool_],
+    leg_distance: float,
+    apart: NDArray[np.bool_],
 ) -> NDArray[np.int64]:
     """Number the bodies that hits belong to.
 
@@ -26,6 +31,12 @@ def cluster_returns(
     labels : ndarray of int, shape (K,)
         What each hit is known to belong to, -1 where nothing is known. Hits with different labels are never linked
         directly: bodies that come near to each other stay apart.
+    arrived : ndarray of bool, shape (K,)
+        Whether it was free there before.
+    leg_distance : float
+        Two hits that have arrived belong to one body up to this distance [m], whatever their labels, ...
+    apart : ndarray of bool, shape (L,)
+        ... unless both their labels are marked here.
 
     Returns
     -------
@@ -40,6 +51,14 @@ def cluster_returns(
     pairs = np.concatenate((near, np.column_stack((next_one, next_one + 1))))
     first, second = labels[pairs[:, 0]], labels[pairs[:, 1]]
     pairs = pairs[(first == second) | (first < 0) | (second < 0)]
+    moved = np.flatnonzero(arrived)
+    if len(moved) > 1:
+        legs = cKDTree(returns.points[moved]).query_pairs(leg_distance, output_type="ndarray").reshape(-1, 2)
+        legs = moved[legs]
+        first, second = labels[legs[:, 0]], labels[legs[:, 1]]
+        settled = np.append(apart, False)  # a label of -1 is never settled
+        legs = legs[(first == second) | ~(settled[first] & settled[second])]
+        pairs = np.concatenate((pairs, legs))
     graph = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     _, numbers = connected_components(graph, directed=False)
     return np.asarray(numbers, dtype=np.int64)

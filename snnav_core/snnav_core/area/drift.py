@@ -18,6 +18,8 @@ _MOST_POINTS = 48  # of one sample that take part in a fit
 _GATES = (0.3, 0.15, 0.08, 0.08, 0.08)  # [m]; hits farther apart show different places of the body
 _SAME_SIDE = 0.7  # cosine between the normals of hits on one place
 _ROBUST = 4.0  # in deviations of a range: residuals beyond count little
+_RIGID = 0.5  # share of hits that lie over others in a body that does not change its shape
+_LAGGING = 0.5  # share of the speed of its middle: what is slower is the leg on which somebody stands
 _SHAPE_CHANGE = 0.05  # share of its extent by which the middle of what is seen of a body may wander
 
 
@@ -77,11 +79,11 @@ class BodySample:
 
 @dataclass(frozen=True)
 class Drift:
-    """Velocity (2,) [m/s], its covariance (2, 2), and how well hits lie over each other when it is undone [m]."""
+    """Velocity (2,) [m/s], its covariance (2, 2), and the share of hits that lie over others when it is undone."""
 
     velocity: FloatArray
     covariance: FloatArray
-    residual: float
+    agreement: float
 
     @property
     def deviation(self) -> float:
@@ -120,19 +122,22 @@ def fit_drift(samples: Sequence[BodySample], range_noise: float, guess: FloatArr
     times = np.concatenate([sample.times for sample in thin])
     offsets = np.concatenate(([0], np.cumsum([len(sample.points) for sample in thin])))
     known, pull = _middle_information(samples)
-    velocity: FloatArray = np.asarray(np.linalg.solve(known, pull) if guess is None else guess)
-    information, residual = known, math.inf
+    middle: FloatArray = np.asarray(np.linalg.solve(known, pull))
+    velocity = middle if guess is None else guess
+    information, agreement = known, 0.0
+    most = 0.5 * len(points) * (len(thin) - 1)  # every hit over one of every other sample
     for gate in _GATES:
         equations = _lay_over(points, normals, times, offsets, velocity, gate, _ROBUST * range_noise)
         xx, xy, yy, bx, by, squares, weight = equations
-        if weight > 0.0:
-            residual = math.sqrt(squares / weight)
-        variance = max(range_noise, residual / math.sqrt(2.0) if weight > 0.0 else range_noise) ** 2
-        scale = 1.0 / (variance * len(thin))  # each hit takes part in a pair with every other sample
+        agreement = weight / most
+        variance = max(range_noise**2, 0.5 * squares / weight if weight > 0.0 else 0.0)
+        lags = float(np.hypot(*velocity)) < _LAGGING * float(np.hypot(*middle))
+        trust = 0.0 if lags and agreement < _RIGID else min(1.0, agreement / _RIGID) ** 2
+        scale = trust / (variance * len(thin))  # each hit takes part in a pair with every other sample
         information = known + scale * np.array([[xx, xy], [xy, yy]])
         velocity = np.asarray(np.linalg.solve(information, pull + scale * np.array([bx, by])))
     covariance: FloatArray = np.asarray(np.linalg.inv(information))
-    return Drift(velocity, covariance, residual)
+    return Drift(velocity, covariance, agreement)
 
 
 def _middle_information(samples: Sequence[BodySample]) -> tuple[FloatArray, FloatArray]:
@@ -156,7 +161,7 @@ def _middle_information(samples: Sequence[BodySample]) -> tuple[FloatArray, Floa
             continue
         slope = times @ places / spread
         misfit = float(np.sum((places - np.outer(times, slope)) ** 2)) / max(1, 2 * (len(times) - 2))
-        uncertain = max(0.5 * spacing, _SHAPE_CHANGE * max(extents), 0.5 * (max(extents) - min(extents)))
+        uncertain = max(0.5 * spacing, _SHAPE_CHANGE * max(extents), 0.5 * float(np.std(extents)))
         variance = max(uncertain**2, misfit)
         information += np.eye(2) * spread / variance
         vector += spread * slope / variance

@@ -24,6 +24,8 @@ class TrackerSettings:
         Before so many measurements no body counts as moving.
     link_distance : float
         Hits nearer to each other than this belong to one body [m].
+    leg_distance : float
+        The same for hits where it was free within the window: the two legs of somebody who walks [m].
     largest_body : float
         What extends farther is no body that moves [m].
     least_points : int
@@ -52,11 +54,12 @@ class TrackerSettings:
     window: float = 1.5
     least_samples: int = 3
     link_distance: float = 0.3
+    leg_distance: float = 0.6
     largest_body: float = 4.0
     least_points: int = 3
     top_speed: float = 2.0
     least_speed: float = 0.05
-    confidence: float = 4.0
+    confidence: float = 2.0
     free_depth: float = 0.04
     least_evidence: int = 3
     range_noise: float = 0.005

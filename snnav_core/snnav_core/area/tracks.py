@@ -83,8 +83,11 @@ class ObstacleTracker:
             )
         self._time = time
         labels, gaps = self._labels(returns)
-        clusters = cluster_returns(returns, self.settings.link_distance, labels)
         evidence = self._entered(returns)
+        moving = np.array([track.moving for track in self.tracks], dtype=np.bool_)
+        clusters = cluster_returns(
+            returns, self.settings.link_distance, labels, evidence, self.settings.leg_distance, moving
+        )
         fresh = self._fresh(returns)
         owners = self._match(clusters, labels, gaps)
         for track in dict.fromkeys(owners.values()):
