@@ -117,27 +117,53 @@ def fit_drift(samples: Sequence[BodySample], range_noise: float, guess: FloatArr
     Drift
     """
     thin = [sample.thinned() for sample in samples]
-    points = np.concatenate([sample.points for sample in thin])
-    normals = np.concatenate([sample.normals for sample in thin])
-    times = np.concatenate([sample.times for sample in thin])
-    offsets = np.concatenate(([0], np.cumsum([len(sample.points) for sample in thin])))
+    hits = (
+        np.concatenate([sample.points for sample in thin]),
+        np.concatenate([sample.normals for sample in thin]),
+        np.concatenate([sample.times for sample in thin]),
+        np.concatenate(([0], np.cumsum([len(sample.points) for sample in thin]))),
+    )
     known, pull = _middle_information(samples)
     middle: FloatArray = np.asarray(np.linalg.solve(known, pull))
-    velocity = middle if guess is None else guess
-    information, agreement = known, 0.0
-    most = 0.5 * len(points) * (len(thin) - 1)  # every hit over one of every other sample
+    best = _follow(hits, known, pull, middle if guess is None else guess, range_noise)
+    if guess is not None and best.agreement < _RIGID:
+        best = max(best, _follow(hits, known, pull, middle, range_noise), key=lambda found: found.agreement)
+    lags = float(np.hypot(*best.velocity)) < _LAGGING * float(np.hypot(*middle))
+    trust = 0.0 if lags and best.agreement < _RIGID else min(1.0, best.agreement / _RIGID) ** 2
+    information = known + trust * best.information
+    covariance: FloatArray = np.asarray(np.linalg.inv(information))
+    return Drift(covariance @ (pull + trust * best.pull), covariance, best.agreement)
+
+
+@dataclass(frozen=True)
+class _Match:
+    """Where laying samples over each other came to rest: its information on the velocity, without the middles."""
+
+    velocity: FloatArray
+    information: FloatArray
+    pull: FloatArray
+    agreement: float
+
+
+def _follow(
+    hits: tuple[FloatArray, FloatArray, FloatArray, NDArray[np.int64]],
+    known: FloatArray,
+    pull: FloatArray,
+    velocity: FloatArray,
+    range_noise: float,
+) -> _Match:
+    """Lay samples over each other, starting from a velocity."""
+    points, normals, times, offsets = hits
+    samples = len(offsets) - 1
+    most = 0.5 * len(points) * (samples - 1)  # every hit over one of every other sample
     for gate in _GATES:
         equations = _lay_over(points, normals, times, offsets, velocity, gate, _ROBUST * range_noise)
         xx, xy, yy, bx, by, squares, weight = equations
-        agreement = weight / most
         variance = max(range_noise**2, 0.5 * squares / weight if weight > 0.0 else 0.0)
-        lags = float(np.hypot(*velocity)) < _LAGGING * float(np.hypot(*middle))
-        trust = 0.0 if lags and agreement < _RIGID else min(1.0, agreement / _RIGID) ** 2
-        scale = trust / (variance * len(thin))  # each hit takes part in a pair with every other sample
-        information = known + scale * np.array([[xx, xy], [xy, yy]])
-        velocity = np.asarray(np.linalg.solve(information, pull + scale * np.array([bx, by])))
-    covariance: FloatArray = np.asarray(np.linalg.inv(information))
-    return Drift(velocity, covariance, agreement)
+        scale = 1.0 / (variance * samples)  # each hit takes part in a pair with every other sample
+        information, vector = scale * np.array([[xx, xy], [xy, yy]]), scale * np.array([bx, by])
+        velocity = np.asarray(np.linalg.solve(known + information, pull + vector))
+    return _Match(velocity, information, vector, weight / most)
 
 
 def _middle_information(samples: Sequence[BodySample]) -> tuple[FloatArray, FloatArray]:

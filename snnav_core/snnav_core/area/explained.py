@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
@@ -20,14 +21,17 @@ from snnav_core.types import FloatArray
 
 __all__ = ["build_scene"]
 
-_RIM = 0.02  # [m] around hits that belongs to the body
+_RIM = 0.02  # [m] around hits that belongs to what was hit
 _NEAR_HOLE = 0.1  # [m] from a hole to the hits on its rim
+_LEAST_DEPTH = 0.3  # [m] behind its hits that even a small body may reach
+_OVERLAP = 1e-6  # [m] by which pieces are grown, so that no slit stays between them
 
 
 def build_scene(
     time: float,
     area: UnoccupiedArea,
     returns: FusedReturns,
+    owned: NDArray[np.bool_],
     tracks: Sequence[Track],
     settings: TrackerSettings,
 ) -> TrackedScene:
@@ -40,43 +44,60 @@ def build_scene(
     area : UnoccupiedArea
         What is free.
     returns : FusedReturns
+    owned : ndarray of bool, shape (K,)
+        Hits on bodies that move.
     tracks : sequence of Track
-        Their `bound` is renewed.
     settings : TrackerSettings
     """
-    moving, filled = [], []
+    surfaces = _surfaces(returns, ~owned)
+    moving, explained = [], []
     for track in tracks:
-        if track.moving:
-            outline, fill = _outline(time, area, track)
-            moving.append(
-                MovingObstacle(
-                    track.id,
-                    outline,
-                    0.0,
-                    track.velocity,
-                    time,
-                    position_deviation=settings.range_noise,
-                    velocity_deviation=min(track.deviation, settings.top_speed),
-                )
-            )
-            if track.seen == time:
-                filled.append(fill)
-    region = as_multipolygon(union_all([area.region, *filled])) if filled else area.region
+        if not track.moving:
+            continue
+        seen = track.seen == time
+        outline, parts = _outline(time, area, track, surfaces)
+        unseen_for = time - float(track.samples[-1].times.mean())
+        doubt = settings.range_noise + unseen_for * track.deviation
+        deviation = min(track.deviation, settings.top_speed)
+        moving.append(MovingObstacle(track.id, outline, 0.0, track.velocity, time, doubt, deviation))
+        if seen:
+            explained.append(parts)
+    region = as_multipolygon(union_all([area.region, *explained])) if explained else area.region
     standing, exteriors = _standing(time, region, tracks, settings)
     return TrackedScene(time, (*moving, *standing), exteriors)
 
 
-def _outline(time: float, area: UnoccupiedArea, track: Track) -> tuple[FloatArray, BaseGeometry]:
-    """Convex outline of a moving body (N, 2) and the part of it that its hits explain."""
-    raw = np.concatenate((track.samples[-1].points, track.hits_at(time)))
-    hull = shapely.buffer(shapely.MultiPoint(raw).convex_hull, _RIM, quad_segs=2)
-    depth = max(0.3, track.extent)
-    around = shapely.buffer(hull, depth, quad_segs=4)
+def _surfaces(returns: FusedReturns, chosen: NDArray[np.bool_]) -> shapely.STRtree:
+    """What was hit that does not move: the hits, and the links between neighbouring ones on one surface."""
+    links = np.flatnonzero((np.diff(returns.surfaces) == 0) & chosen[1:] & chosen[:-1])
+    ends = np.stack((returns.points[links], returns.points[links + 1]), axis=1)
+    return shapely.STRtree(
+        np.concatenate((shapely.linestrings(ends), shapely.points(returns.points[chosen])))
+    )
+
+
+def _outline(
+    time: float, area: UnoccupiedArea, track: Track, surfaces: shapely.STRtree
+) -> tuple[FloatArray, BaseGeometry]:
+    """Convex outline of a moving body (N, 2), and what is free as soon as it has gone.
+
+    The outline covers all hits within the window, undone for the motion, and what was not seen behind them, as deep as
+    the body is wide. Only what the hits of now enclose is free without it, or the whole hole when nothing else was hit
+    on its rim.
+    """
+    now = np.concatenate((track.samples[-1].points, track.hits_at(time)))
+    hull = shapely.buffer(shapely.MultiPoint(now).convex_hull, _RIM, quad_segs=2)
+    around = shapely.buffer(hull, max(_LEAST_DEPTH, track.extent), quad_segs=4)
     unseen = shapely.get_parts(difference(around, area.region))
     hidden = [part for part in unseen if part.intersects(hull)]
-    whole = union_all([hull, *hidden]).convex_hull
-    isolated = [part for part in hidden if part.distance(around.exterior) > 0.0]
-    return _counter_clockwise(whole), union_all([hull, *(part.buffer(1e-6) for part in isolated)])
+    accumulated = shapely.buffer(shapely.MultiPoint(track.all_hits_at(time)).convex_hull, _RIM, quad_segs=2)
+    outline = union_all([hull, accumulated, *hidden]).convex_hull
+    near = surfaces.geometries.take(surfaces.query(around, predicate="intersects"))
+    others = shapely.buffer(union_all(near), _RIM, quad_segs=2) if len(near) else Polygon()
+    rim = around.exterior
+    holes = [part for part in hidden if part.distance(rim) > 0.0 and part.disjoint(others)]
+    explained = union_all([hull, *shapely.buffer(holes, _OVERLAP)]) if holes else hull
+    return _counter_clockwise(outline), difference(explained, others)
 
 
 def _standing(

@@ -101,7 +101,8 @@ class ObstacleTracker:
         self._areas.append(area)
         while time - self._areas[0].stamp > self.settings.window:
             self._areas.popleft()
-        return build_scene(time, area, returns, self.tracks, self.settings)
+        owned = np.isin(clusters, [cluster for cluster, track in owners.items() if track.moving])
+        return build_scene(time, area, returns, owned, self.tracks, self.settings)
 
     def _labels(self, returns: FusedReturns) -> tuple[NDArray[np.int64], FloatArray]:
         """Index of the track that each hit lies nearest to, -1 for none, and how far off as a share of its gate."""
