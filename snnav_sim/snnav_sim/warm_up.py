@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+
 import numpy as np
 
 from snnav_core.obstacles import MovingObstacle
@@ -32,6 +34,10 @@ def warm_up() -> None:
                 simulation.move()
         compute_metrics(simulation.scene, simulation.record)
     _warm_up_global_planner()
+    del simulation
+    gc.collect()
+    # All that numba has made stays: else every search for garbage, in the middle of a decision, takes 0.1 s.
+    gc.freeze()
 
 
 def _warm_up_global_planner() -> None:

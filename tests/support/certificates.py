@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from shapely.geometry import MultiPolygon
 
 from snnav_core.area.planar import as_multipolygon
+from snnav_core.planning.boundary_index import BoundaryIndex
 from snnav_core.planning.certificate import (
-    BoundaryIndex,
     CertificateSettings,
     certify,
 )

@@ -30,6 +30,7 @@ __all__ = [
 ]
 
 _FINE, _COARSE = 16, 8  # segments of a quarter circle: below 1 m, where passages are narrow, and above
+_SIMPLE = 4
 _MANY_VERTICES = 6000
 _SLIT_VERTICES, _SLIT_LENGTH = (
     600,
@@ -279,7 +280,9 @@ def component_at(region: MultiPolygon, point: FloatArray) -> Polygon | None:
     return None
 
 
-def remove_disks(region: MultiPolygon, centres: FloatArray, radii: FloatArray) -> MultiPolygon:
+def remove_disks(
+    region: MultiPolygon, centres: FloatArray, radii: FloatArray, simple: bool = False
+) -> MultiPolygon:
     """Remove the disks of robots from the region (Ch. 3, unoccupied area).
 
     Parameters
@@ -289,12 +292,17 @@ def remove_disks(region: MultiPolygon, centres: FloatArray, radii: FloatArray) -
         Robot positions [m, map]. Never pass the planned robot's own (deviation C3-1).
     radii : ndarray, shape (K,)
         Radii of the disks [m]; the removed polygon contains the whole disk.
+    simple : bool
+        Polygons of 16 corners, up to 2 % larger than the disks, instead of 32 and 1.1 %.
     """
     if len(centres) == 0:
         return region
+    radii = np.asarray(radii, dtype=np.float64)
+    # Around a point the chords are all alike.
+    enlarged = radii / math.cos(math.pi / (4 * _SIMPLE)) if simple else _outside(radii, _COARSE)
     disks = shapely.buffer(
         shapely.points(np.asarray(centres, dtype=np.float64)),
-        _outside(np.asarray(radii, dtype=np.float64), _COARSE),
-        quad_segs=_COARSE,
+        enlarged,
+        quad_segs=_SIMPLE if simple else _COARSE,
     )
     return as_multipolygon(difference(region, union_all(disks)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
@@ -21,7 +22,7 @@ from snnav_core.area.planar import (
     shrink,
 )
 from snnav_core.navigator.settings import NavigatorSettings
-from snnav_core.planning.certificate import BoundaryIndex
+from snnav_core.planning.boundary_index import BoundaryIndex
 from snnav_core.planning.curves import AreaCurves
 from snnav_core.planning.shortest import GoalTree
 from snnav_core.types import FloatArray
@@ -49,11 +50,14 @@ class AreaContext:
     simplification : float
         Upper limit for the reductions [m], see `reduce_area`; never more than 1 % of their distance, below 1 m
         than 0.125 %: more would close narrow passages.
+    grain : float
+        Of a crowd: distances are rounded up to multiples of this [m], so that robots of several kinds share reductions,
+        and disks of robots have fewer corners; 0 for neither.
     """
 
-    def __init__(self, area: UnoccupiedArea, simplification: float) -> None:
+    def __init__(self, area: UnoccupiedArea, simplification: float, grain: float = 0.0) -> None:
         self.area = area
-        self.simplification = simplification
+        self.simplification, self.grain = simplification, grain
         self._reduced: dict[float, MultiPolygon] = {}
         self._without: dict[tuple[float, Disks], MultiPolygon] = {}
         self._curves: dict[bytes, AreaCurves] = {}
@@ -93,6 +97,10 @@ class AreaContext:
             assert curves is not None
             _ = curves.tangents
 
+    def rounded(self, distance: float) -> float:
+        """A distance [m] rounded up to one that robots of several kinds share."""
+        return distance if self.grain == 0.0 else math.ceil(distance / self.grain - 1e-6) * self.grain
+
     @cached_property
     def digest(self) -> bytes:
         """Identifies the region: equal for equal rings."""
@@ -113,6 +121,7 @@ class AreaContext:
 
     def region(self, distance: float, disks: Disks) -> MultiPolygon:
         """The area reduced by `distance` [m], without the disks of standing robots."""
+        distance = self.rounded(distance)
         self._used.setdefault(round(distance, 6), distance)
         return self._without_disks(distance, disks)
 
@@ -134,7 +143,8 @@ class AreaContext:
                 for kept in (self._without, self._curves, self._trees, self._asked):
                     kept.clear()
             values = np.array(disks)
-            without = remove_disks(self._reduction(distance), values[:, :2], values[:, 2])
+            simple = self.grain > 0.0
+            without = remove_disks(self._reduction(distance), values[:, :2], values[:, 2], simple)
             self._without.setdefault((key, disks), without)
         return self._without[key, disks]
 
@@ -143,7 +153,7 @@ class AreaContext:
 
         Two robots fit side by side there.
         """
-        key = (round(distance, 6), round(half, 6))
+        key = (round(self.rounded(distance + half), 6), round(half, 6))
         if key not in self._opened:
             self._opened[key] = self.region(distance + half, ()).buffer(1.05 * half, quad_segs=4)
             shapely.prepare(self._opened[key])
@@ -151,6 +161,7 @@ class AreaContext:
 
     def curves(self, distance: float, disks: Disks, target: FloatArray) -> AreaCurves | None:
         """Curves of the component of the reduced area that holds the target (2,) [m, map], or None."""
+        distance = self.rounded(distance)
         self._used.setdefault(round(distance, 6), distance)
         asked = self._asked.setdefault((distance, disks), set())
         asked.add((float(target[0]), float(target[1])))

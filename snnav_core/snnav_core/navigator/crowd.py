@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -14,9 +14,9 @@ from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
 from snnav_core.planning.fields import DiskBarrier
 from snnav_core.planning.separation import OtherRobot, Traffic, stops_within
 from snnav_core.planning.separation_kernel import are_near, sample
-from snnav_core.types import FloatArray, HeardPath, Pose2D, RobotState, TimedPath
+from snnav_core.types import FloatArray, HeardPath, Pose2D, RobotSpec, RobotState, TimedPath
 
-__all__ = ["Crowd", "Turns", "possible_paths"]
+__all__ = ["Cast", "Crowd", "Turns", "possible_paths"]
 
 _LONGEST_WAIT = 6  # steps that a robot waits at most for its turn to seek a way
 _SLACK = 1.0  # [m]; farther than this an adjustment does not move a path
@@ -169,6 +169,44 @@ class Turns:
         """Whether a robot may seek now that was put off for so many steps; after six it may in any case."""
         self._left -= 1
         return self._left >= 0 or waited >= _LONGEST_WAIT
+
+
+class Cast:
+    """Where all robots will be for all that is known in one step, worked out once for each and size of its disk."""
+
+    def __init__(self) -> None:
+        self._ways: dict[float, dict[str, list[OtherRobot]]] = {}
+
+    def others(
+        self,
+        name: str,
+        robots: Mapping[str, RobotSpec],
+        ways: Callable[[str, float], list[OtherRobot]],
+    ) -> list[OtherRobot]:
+        """All robots but one, as disks that are as large as its own at least.
+
+        Parameters
+        ----------
+        name : str
+        robots : mapping
+        ways : callable
+            Works out where a robot may be, as a disk of a given radius [m].
+        """
+        others: list[OtherRobot] = []
+        least = robots[name].radius
+        known = self._ways.setdefault(least, {})
+        for other, robot in robots.items():
+            if other == name:
+                continue
+            if other not in known:
+                known[other] = ways(other, max(robot.radius, least))
+            others += known[other]
+        return others
+
+    def forget(self, name: str) -> None:
+        """Note that something was decided for a robot: it may be elsewhere than was known up to now."""
+        for known in self._ways.values():
+            known.pop(name, None)
 
 
 def possible_paths(state: RobotState | None, promise: HeardPath, step: float, time: float) -> list[TimedPath]:

@@ -13,7 +13,7 @@ from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.errors import InvalidInput
 from snnav_core.navigator.attempt import Attempt
 from snnav_core.navigator.context import AreaContext, aged
-from snnav_core.navigator.crowd import Turns, possible_paths
+from snnav_core.navigator.crowd import Cast, Turns, possible_paths
 from snnav_core.navigator.explain import Explainer
 from snnav_core.navigator.forecast import Trend
 from snnav_core.navigator.parties import last_decisions, party_of
@@ -42,6 +42,7 @@ from snnav_core.types import (
 
 __all__ = ["GroundNavigator"]
 
+_GRAIN = 0.01  # [m]; in a crowd distances of planning are rounded up to multiples: kinds of robots share what follows
 _PLACE_SEARCH = 6  # to look for a place to wait costs about as much as so many searches for a way
 
 
@@ -118,7 +119,7 @@ class GroundNavigator:
         self._heard: dict[str, HeardPath] = {}
         self._decisions: dict[str, PlannedPath | Stop] = {}
         self._goals: Mapping[str, tuple[float, float]] = {}
-        self._cast: dict[tuple[str, float], tuple[tuple[object, ...], list[OtherRobot]]] = {}
+        self._cast = Cast()
         self._time = -math.inf
 
     def withdraw(self) -> None:
@@ -180,13 +181,14 @@ class GroundNavigator:
                 self._states[name] = state
         self._hear(heard, goals)
         self._before = dict(self._memory)
-        self._cast, sequence = {}, self._rank(time, states, goals)
+        self._cast, sequence = Cast(), self._rank(time, states, goals)
         sought = self._right_of_way.sought if len(self.robots) > self.settings.crowd else 0
         self._turns = Turns(max(1, self.settings.searches_per_step - _PLACE_SEARCH * sought))
         decided: dict[str, PlannedPath | Stop] = {}
         for name in sequence:
             others = self._others(name, time, decided)
             decided[name] = self._decide(self.robots[name], time, states.get(name), goals.get(name), others)
+            self._cast.forget(name)
         stop_foreign = self._settle(time, decided)
         self._decisions = decisions = {name: decided[name] for name in self.served}
         for name, decision in decisions.items():
@@ -228,28 +230,20 @@ class GroundNavigator:
                 self._memory[name] = replace(self._memory[name], plan=None)
 
     def _update_context(self, area: UnoccupiedArea) -> None:
-        fresh = AreaContext(area, self.settings.simplification)
+        is_crowd = len(self.robots) > self.settings.crowd
+        fresh = AreaContext(area, self.settings.simplification, _GRAIN if is_crowd else 0.0)
         last = self._context
         self._context, self._changed = self._trend.follow(last, fresh)
-        if last is not None and self._changed and len(self.robots) > self.settings.crowd:
+        if last is not None and self._changed and is_crowd:
             self._context.prepare(last)
 
     def _others(
         self, name: str, time: float, decisions: Mapping[str, PlannedPath | Stop]
     ) -> list[OtherRobot]:
         """Where the other robots will be: decided already in this step, or on their last path, or standing."""
-        others: list[OtherRobot] = []
-        for other, robot in self.robots.items():
-            if other == name:
-                continue
-            radius = max(robot.radius, self.robots[name].radius)
-            memory, heard = self._memory.get(other), self._heard.get(other)
-            known = (time, decisions.get(other), memory, heard, self._states.get(other))
-            kept = self._cast.get((other, radius))
-            if kept is None or any(a is not b for a, b in zip(kept[0], known, strict=True)):
-                kept = self._cast[other, radius] = (known, self._ways(other, radius, time, decisions))
-            others += kept[1]
-        return others
+        return self._cast.others(
+            name, self.robots, lambda other, radius: self._ways(other, radius, time, decisions)
+        )
 
     def _ways(
         self, other: str, radius: float, time: float, decisions: Mapping[str, PlannedPath | Stop]
@@ -356,6 +350,7 @@ class GroundNavigator:
                 fails, least, fault = separation(decision.path, others, until, margin, interval)
                 if fault:
                     decisions[name] = shortened(decision, fails, interval, fault)
+                    self._cast.forget(name)
                     changed = True
                 else:
                     certificate = replace(decision.certificate, least_separation=least)
@@ -363,6 +358,7 @@ class GroundNavigator:
             for stop in self._foreign_conflicts(time, decisions):
                 stopped[stop.robot_id] = stop
                 self._heard[stop.robot_id] = halted(self._heard[stop.robot_id], time)
+                self._cast.forget(stop.robot_id)
                 changed = True
         return stopped
 

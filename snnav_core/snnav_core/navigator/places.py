@@ -9,9 +9,10 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from snnav_core.area.planar import as_multipolygon, component_at
+from snnav_core.area.planar import as_multipolygon, component_at, remove_disks
 from snnav_core.navigator.context import AreaContext, Disks
 from snnav_core.navigator.settings import RobotDistances
+from snnav_core.planning.curves import AreaCurves
 from snnav_core.planning.shortest import GoalTree
 from snnav_core.types import FloatArray
 
@@ -94,12 +95,10 @@ class PlaceSearch:
         self, candidates: FloatArray, fixed: Disks, later: Disks, avoid: Sequence[Claim]
     ) -> Place | None:
         context, start, distances = self._context, self._start, self._distances
-        inside = context.nearest_inside(start, 1.012 * distances.tightest, fixed)
-        if inside is None or len(candidates) == 0:
+        found = self._curves(fixed) if len(candidates) else None
+        if found is None:
             return None
-        curves = context.curves(distances.tightest, fixed, inside)
-        if curves is None:
-            return None
+        curves, inside = found
         open_again = component_at(context.region(distances.tightest, later), self._goal)
         tree, others = GoalTree(curves, inside), _Others(avoid)
         best: Place | None = None
@@ -124,6 +123,26 @@ class PlaceSearch:
             if best is None or cost < best.cost:
                 best = Place(point, cost)
         return best
+
+    def _curves(self, fixed: Disks) -> tuple[AreaCurves, FloatArray] | None:
+        """What ways are sought in, without disks that cannot be driven through, and where they start (2,) [m, map].
+
+        In a crowd only what lies around the robot: its tangent graph is of no use to anybody else.
+        """
+        context, start, tightest = self._context, self._start, self._distances.tightest
+        if context.grain == 0.0:
+            inside = context.nearest_inside(start, 1.012 * tightest, fixed)
+            curves = None if inside is None else context.curves(tightest, fixed, inside)
+            return None if inside is None or curves is None else (curves, inside)
+        corners = (*(start - _REACH), *(start + _REACH))
+        near = as_multipolygon(shapely.clip_by_rect(context.region(tightest, ()), *corners))
+        disks = np.array(fixed).reshape(-1, 3)
+        near = remove_disks(near, disks[:, :2], disks[:, 2], simple=True)
+        if near.is_empty:
+            return None
+        part = min(near.geoms, key=lambda polygon: float(shapely.distance(polygon, shapely.points(start))))
+        curves = AreaCurves(part)
+        return curves, start if curves.covers(start) else curves.nearest(start)
 
 
 def _candidates(free: BaseGeometry, start: FloatArray) -> FloatArray:

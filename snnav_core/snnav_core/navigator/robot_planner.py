@@ -10,7 +10,6 @@ import shapely
 
 from snnav_core.errors import GoalBlocked, GoalUnreachable, PlanningError, StartBlocked
 from snnav_core.navigator.attempt import Attempt
-from snnav_core.navigator.context import Disks
 from snnav_core.navigator.evasion import closes, evade, may_stand
 from snnav_core.navigator.foresight import weigh
 from snnav_core.navigator.plans import (
@@ -23,6 +22,7 @@ from snnav_core.navigator.plans import (
     turn_on,
 )
 from snnav_core.navigator.search import Route, find_route, route_candidates, shortest_way
+from snnav_core.navigator.standing import names_in_the_way, standing
 from snnav_core.planning.adjustment import resample
 from snnav_core.types import (
     FloatArray,
@@ -125,7 +125,7 @@ def plan_robot(
         memory = _with_progress(memory, decision, attempt.distances.stride)
     away = (_kept(attempt, last) or turn_on(attempt, last.plan)) if last.evading else None
     if attempt.forecast is not None:
-        disks, hurried = _standing(attempt, parked=False), memory.hurry > 0
+        disks, hurried = standing(attempt, parked=False), memory.hurry > 0
         decision, evading = weigh(attempt, attempt.forecast, decision, away, disks, hurried)
         return decision, replace(memory, evading=evading)
     if isinstance(decision, PlannedPath) and (
@@ -138,7 +138,7 @@ def plan_robot(
             decision = Stop(attempt.robot.id, StopReason.NO_PATH, message)
         return decision, memory
     if away is None or not attempt.is_whole(away):
-        away = better(away, evade(attempt, _standing(attempt, parked=False)))
+        away = better(away, evade(attempt, standing(attempt, parked=False)))
     if away is None or (isinstance(decision, PlannedPath) and better(decision, away) is decision):
         return decision, memory
     return away, replace(memory, evading=True)
@@ -286,14 +286,13 @@ def _route(attempt: Attempt, goal: FloatArray) -> Route:
 
     So most robots of a step share the curves and the tangent graph of one reduced area.
     """
-    parked, disks = _standing(attempt, parked=True), _standing(attempt, parked=False)
+    parked, disks = standing(attempt, parked=True), standing(attempt, parked=False)
     arguments = (attempt.context, attempt.robot, attempt.pose, goal, attempt.distances, attempt.settings)
     route = find_route(*arguments, parked)
     here = attempt.pose.position
     near = attempt.crowd.own_reach + attempt.distances.stride if attempt.crowd.is_large else math.inf
-    passing = np.array(
-        [disk for disk in disks if disk not in parked and math.dist(disk[:2], here) - disk[2] <= near]
-    )
+    around = tuple(disk for disk in disks if disk in parked or math.dist(disk[:2], here) - disk[2] <= near)
+    passing = np.array([disk for disk in around if disk not in parked])
     way = shortest_way(attempt.context, route, attempt.pose) if len(passing) else None
     if way is None:
         return route
@@ -301,7 +300,7 @@ def _route(attempt: Attempt, goal: FloatArray) -> Route:
     if not shapely.dwithin(shapely.linestrings(way), centres, radii).any():
         return route
     try:
-        return find_route(*arguments, disks)
+        return find_route(*arguments, around)
     except PlanningError:
         return route
 
@@ -318,33 +317,17 @@ def _replaces(attempt: Attempt, plan: PlannedPath, best: PlannedPath, hurried: b
 def _stop_for(error: PlanningError, attempt: Attempt, goal: FloatArray) -> Stop:
     """The typed reason; standing robots are named when it is them that block the way."""
     robot = attempt.robot
-    if _standing(attempt, parked=False) and not isinstance(error, StartBlocked):
+    if standing(attempt, parked=False) and not isinstance(error, StartBlocked):
+        arguments = (attempt.context, robot, attempt.pose, goal, attempt.distances, attempt.settings)
         try:
-            find_route(attempt.context, robot, attempt.pose, goal, attempt.distances, attempt.settings, ())
+            route = find_route(*arguments, ())
         except PlanningError as without:
             error = without
         else:
-            names = ", ".join(attempt.crowd[int(index)].id for index in np.flatnonzero(attempt.crowd.stands))
+            names = names_in_the_way(attempt, route)
             message = f"robot {robot.id} waits: the way to its target is blocked by standing robots ({names})"
             return Stop(robot.id, StopReason.BLOCKED_BY_ROBOT, message)
     return Stop(robot.id, _REASONS.get(type(error), StopReason.NO_PATH), str(error))
-
-
-def _standing(attempt: Attempt, parked: bool) -> Disks:
-    """Disks that candidates go around: standing robots, or only those that will not move again.
-
-    With the margin and the reserve; never around this robot.
-    """
-    clearance = attempt.distances.least + attempt.distances.tolerance + attempt.distances.reserve
-    crowd = attempt.crowd
-    disks = []
-    for index in np.flatnonzero(crowd.stands):
-        other, gap = crowd[int(index)], float(crowd.gaps[index])
-        if other.parked or not parked:
-            x, y = other.path.points[-1, :2]
-            # The removed polygon is up to 1.1 % larger than the disk.
-            disks.append((float(x), float(y), min(other.radius + clearance, 0.98 * gap - 1e-3)))
-    return tuple(disks)
 
 
 def _kept(attempt: Attempt, memory: RobotMemory) -> PlannedPath | None:

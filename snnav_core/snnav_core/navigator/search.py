@@ -61,7 +61,7 @@ def find_route(
     at_target = context.clearance(target)
     top = max(float(distances.demanded()[-1]), distances.turn_radius)
     for level in _LEVELS:
-        distance = distances.tightest + level * (top - distances.tightest)
+        distance = context.rounded(distances.tightest + level * (top - distances.tightest))
         if distance > at_target:
             continue
         curves = context.curves(distance, disks, target)
@@ -86,11 +86,11 @@ def _reachable_target(
     disks: Disks,
 ) -> FloatArray:
     """The goal itself, or the nearest point that can be planned for when that still counts as arrived."""
-    clearance = context.clearance(goal)
+    clearance, tightest = context.clearance(goal), context.rounded(distances.tightest)
     outside_disks = all(math.hypot(goal[0] - x, goal[1] - y) > radius for x, y, radius in disks)
-    if clearance >= 1.012 * distances.tightest and outside_disks:
+    if clearance >= 1.012 * tightest and outside_disks:
         return goal
-    nearest = context.nearest_inside(goal, distances.tightest, disks) if math.isfinite(clearance) else None
+    nearest = context.nearest_inside(goal, tightest, disks) if math.isfinite(clearance) else None
     if nearest is None or float(np.linalg.norm(nearest - goal)) > 0.8 * distances.arrival:
         raise GoalBlocked(
             f"target ({goal[0]:.2f}, {goal[1]:.2f}) of robot {robot.id} has {clearance:.2f} m to the boundary of the "

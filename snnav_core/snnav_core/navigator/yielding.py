@@ -24,6 +24,7 @@ _PREFERRED = 3.0  # [m] of detour that are worth keeping precedence
 _BLOCKED = 2  # decisions in a row after which a blocked robot makes others move
 _RETRY = 6  # decisions after which somebody who found no place looks again
 _ATTEMPTS = 3  # places farther and farther off the claim
+_SEARCHES = 1  # places that are looked for in one step in a crowd; others are asked in the next one
 _NEAR = 2.0  # times the distance to keep; within it somebody who is blocked looks for who blocks it
 
 
@@ -155,6 +156,8 @@ class Yielding:
             if way is not None:
                 ways[name] = way
         for first, second, meeting in self._ways.meetings(ways, _LATE):
+            if self._is_spent():
+                break
             if first not in self.orders and second not in self.orders:
                 self._give_way(first, ways[first], meeting.first, second, ways[second], meeting.second)
 
@@ -220,6 +223,8 @@ class Yielding:
         """Find who blocks whom, and make somebody move where all wait for each other."""
         blockers = {name: self._blocker(name) for name in names if blocked.get(name, 0) >= _BLOCKED}
         for name in names:
+            if self._is_spent():
+                break
             if blockers.get(name) is None:
                 continue
             chain = [name]
@@ -240,6 +245,10 @@ class Yielding:
             if not any(self._ask(other, one, anywhere=True) for one, other in edges):
                 for one, other in edges:
                     self._texts[one] = self._explain(one, other)
+
+    def _is_spent(self) -> bool:
+        """Whether as many places were looked for in this step as in a crowd there may be."""
+        return self._ways.context.grain > 0.0 and self.sought >= _SEARCHES
 
     def _waits(self, name: str, blockers: Mapping[str, str | None]) -> str | None:
         """For whom a robot waits now; None for one that moves or waits for nobody."""

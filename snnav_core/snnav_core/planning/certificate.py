@@ -11,17 +11,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
-from shapely.geometry import MultiPolygon
 
 from snnav_core.errors import InvalidInput
+from snnav_core.planning.boundary_index import BoundaryIndex
 from snnav_core.planning.separation import OtherRobot, separation
 from snnav_core.types import Certificate, FloatArray, Pose2D, RobotSpec, TimedPath
 
 __all__ = [
     "PIECES_PER_LINK",
-    "BoundaryIndex",
     "CertificateSettings",
     "certify",
 ]
@@ -74,65 +72,6 @@ class CertificateSettings:
             )
 
 
-class BoundaryIndex:
-    """Distances from segments to the boundary of an area, and whether points lie inside, by shapely."""
-
-    def __init__(self, region: MultiPolygon) -> None:
-        self._region = region
-        self._outline = shapely.boundary(region)
-        shapely.prepare([self._region, self._outline])
-        links = []
-        for ring in shapely.get_rings(shapely.get_parts(region)):
-            points = shapely.get_coordinates(ring)
-            links.append(np.stack((points[:-1], points[1:]), axis=1))
-        self._pieces = shapely.linestrings(np.concatenate(links)) if links else np.empty(0, dtype=object)
-        self._tree = shapely.STRtree(self._pieces)
-
-    def distances(self, segments: FloatArray) -> FloatArray:
-        """Distance of segments (N, 2, 2) [m, map] to the boundary [m]; 0 where a segment is not inside the area."""
-        if len(self._pieces) == 0 or len(segments) == 0:
-            return np.zeros(len(segments))
-        (rows, _), distances = self._tree.query_nearest(
-            _lines(segments), all_matches=False, return_distance=True
-        )
-        result = np.zeros(len(segments))
-        result[rows] = distances
-        result[~shapely.contains_xy(self._region, segments[:, 0, 0], segments[:, 0, 1])] = 0.0
-        return result
-
-    def distances_below(self, segments: FloatArray, enough: FloatArray) -> FloatArray:
-        """Distances of the segments (N, 2, 2) of a chain, infinite where they are more than `enough` (N,) [m].
-
-        Many times as fast as `distances` where most are: those are not worked out.
-        """
-        if len(self._pieces) == 0 or len(segments) == 0:
-            return np.zeros(len(segments))
-        near = np.unique(self._tree.query(_lines(segments), predicate="dwithin", distance=enough)[0])
-        result = np.full(len(segments), math.inf)
-        result[near] = self.distances(segments[near])
-        # What lies far from the boundary is on the side of its neighbours, except where the chain crosses.
-        crosses = bool((result[near] == 0.0).any())
-        asked = segments[:, 0] if crosses else segments[:1, 0]
-        inside = shapely.contains_xy(self._region, asked[:, 0], asked[:, 1])
-        return np.where(inside, result, 0.0)
-
-    def least_distance(self, chain: FloatArray) -> float:
-        """Distance of a chain of points (N, 2) [m, map], N >= 2, that lies inside the area to its boundary [m]."""
-        if np.all(chain == chain[0]):
-            return float(self.distances(chain[None, [0, 0]])[0])
-        return float(shapely.distance(self._outline, shapely.linestrings(chain)))
-
-
-def _lines(segments: FloatArray) -> NDArray[np.object_]:
-    """Segments (N, 2, 2) as geometries; a point has no line string: it gets some length, far below any tolerance."""
-    degenerate = np.all(segments[:, 0] == segments[:, 1], axis=1)
-    if degenerate.any():
-        segments = segments.copy()
-        segments[degenerate, 1, 0] += 1e-9
-    lines: NDArray[np.object_] = shapely.linestrings(segments)
-    return lines
-
-
 def certify(
     path: TimedPath,
     robot: RobotSpec,
@@ -179,12 +118,16 @@ def certify(
     check = _Check(path, robot, pose, boundary, others, settings)
     radius = check.least_radius()
     reason = check.geometry_fault(radius)
+    if reason:
+        # Distances of what cannot be driven are of no use: a crowd asks for hundreds of certificates in a step.
+        digest = path.digest()
+        return Certificate(robot.id, False, path.start_time, 0.0, 0.0, radius, area_stamp, digest, reason)
     clearance_until, clearance, clearance_fault = check.clearance()
     separation_until, separation, separation_fault = check.separation()
     safe_until = max(path.start_time, min(clearance_until, separation_until, check.window_end))
     whole = math.floor((safe_until - path.start_time) / settings.sampling_interval + 1e-9)
     window = min(settings.time_window, whole)
-    if not reason and window < least_window:
+    if window < least_window:
         reason = clearance_fault if clearance_until <= separation_until else separation_fault
     if not reason:
         reason = check.tail_fault(window * settings.sampling_interval)
@@ -217,12 +160,32 @@ class _Check:
         self.others, self.settings, self.boundary = others, settings, boundary
         self.points = np.asarray(path.points)
         self.window_end = path.start_time + settings.time_window * settings.sampling_interval
-        self.times, self.pieces = self._pieces()
-        # Pieces that keep all that may be demanded have no distance (infinity).
-        self.distances = boundary.distances_below(self.pieces, self._ever_demanded() + 1e-6)
-        ends = boundary.distances(self.points[[[0, 0], [-1, -1]]])
-        self.present, self.at_end = float(ends[0]), float(ends[1])
 
+    @property
+    def times(self) -> FloatArray:
+        """End time of every piece relative to the start [s], shape (M,)."""
+        return self._pieces[0]
+
+    @property
+    def pieces(self) -> FloatArray:
+        """Ends of the pieces (M, 2, 2) [m, map]."""
+        return self._pieces[1]
+
+    @cached_property
+    def distances(self) -> FloatArray:
+        """Distances of the pieces to the boundary [m]; infinite for those that keep all that may be demanded."""
+        return self.boundary.distances_below(self.pieces, self._ever_demanded() + 1e-6)
+
+    @cached_property
+    def _ends(self) -> FloatArray:
+        return self.boundary.distances(self.points[[[0, 0], [-1, -1]]])
+
+    @property
+    def present(self) -> float:
+        """Present distance of the robot to the boundary [m]."""
+        return float(self._ends[0])
+
+    @cached_property
     def _pieces(self) -> tuple[FloatArray, FloatArray]:
         """Cut the path into pieces short in time: end time of each relative to the start (M,), ends (M, 2, 2).
 
@@ -375,7 +338,7 @@ class _Check:
         settings = self.settings
         if settings.boundary_speed == 0.0 or self.path.turn_to is not None:
             return math.inf
-        reserve = self.at_end - settings.safety_margin
+        reserve = float(self._ends[1]) - settings.safety_margin
         return max(self.path.end_time, self.path.start_time + reserve / settings.boundary_speed)
 
     def tail_fault(self, window: float) -> str:

@@ -221,6 +221,17 @@ class AreaCurves:
         )
         return rows, columns, lengths
 
+    @cached_property
+    def neighbours(self) -> tuple[np.ndarray, np.ndarray, FloatArray]:
+        """The `tangents` by corner: where those of each begin (C + 1,), corners at their other ends, lengths [m]."""
+        rows, columns, lengths = self.tangents
+        ends = np.concatenate((rows, columns)).astype(np.int64)
+        order = np.argsort(ends, kind="stable")
+        offsets = np.zeros(len(self.corners) + 1, dtype=np.int64)
+        np.cumsum(np.bincount(ends, minlength=len(self.corners)), out=offsets[1:])
+        others = np.concatenate((columns, rows)).astype(np.int64)[order]
+        return offsets, others, np.concatenate((lengths, lengths))[order]
+
     def first_hits(self, sources: FloatArray, targets: FloatArray) -> tuple[FloatArray, np.ndarray]:
         """First crossing of each segment with a curve; touching one is no crossing.
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numba
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from snnav_core.planning.curves import AreaCurves
 from snnav_core.types import FloatArray, Pose2D
@@ -16,6 +16,7 @@ from snnav_core.types import FloatArray, Pose2D
 __all__ = ["GoalTree", "InitialCircle", "initial_circles"]
 
 _CHUNK = 64
+_FEW = 8  # nodes to which lines of sight are drawn at once, nearest by the whole way first
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,34 @@ def initial_circles(pose: Pose2D, radius: float) -> tuple[InitialCircle, Initial
     return circles[0], circles[1]
 
 
+@numba.njit(cache=True, nogil=True)
+def _shortest_distances(offsets, neighbours, lengths, to_goal):  # type: ignore[no-untyped-def]
+    """Dijkstra from the goal, node `len(to_goal)`: distances of all nodes (inf: no way), and the next on the way."""
+    goal = len(to_goal)
+    distance = np.full(goal + 1, np.inf)
+    before = np.full(goal + 1, -1)
+    done = np.zeros(goal + 1, dtype=np.bool_)
+    distance[goal] = 0.0
+    open_nodes = [(0.0, goal)]
+    while len(open_nodes) > 0:
+        so_far, node = heapq.heappop(open_nodes)
+        if done[node]:
+            continue
+        done[node] = True
+        if node == goal:
+            for corner in range(goal):
+                if to_goal[corner] < np.inf:
+                    distance[corner], before[corner] = to_goal[corner], goal
+                    heapq.heappush(open_nodes, (to_goal[corner], corner))
+            continue
+        for k in range(offsets[node], offsets[node + 1]):
+            other, length = neighbours[k], so_far + lengths[k]
+            if length < distance[other]:
+                distance[other], before[other] = length, node
+                heapq.heappush(open_nodes, (length, other))
+    return distance, before
+
+
 class GoalTree:
     """Shortest distances to a target from all corners of a reduced area.
 
@@ -100,29 +129,28 @@ class GoalTree:
         self.target = np.asarray(target, dtype=np.float64)
         corners = curves.starts[curves.corners]
         self.nodes: FloatArray = np.vstack((corners, self.target))
-        goal = len(corners)
-        rows, columns, lengths = curves.tangents
-        seen = self._sees(self.target)[:goal]
         to_goal = np.linalg.norm(corners - self.target, axis=1)
-        rows = np.concatenate((rows, np.flatnonzero(seen)))
-        columns = np.concatenate((columns, np.full(int(seen.sum()), goal)))
-        lengths = np.concatenate((lengths, to_goal[seen]))
-        graph = csr_array((lengths, (rows, columns)), shape=(goal + 1, goal + 1))
-        distance, before = dijkstra(graph, directed=False, indices=goal, return_predecessors=True)
-        self.distance: FloatArray = distance
-        self._before = before
+        to_goal[~self._sees(self.target)[:-1]] = math.inf
+        self.distance: FloatArray
+        self.distance, self._before = _shortest_distances(*curves.neighbours, to_goal)
 
     def _sees(self, point: FloatArray) -> np.ndarray:
-        """Which nodes (corners, then the target if there) are seen from a point, tangent at the corner."""
-        corners = self.curves.starts[self.curves.corners]
-        tangent = self.curves.touches_corner(point[None])[0] if len(corners) else np.empty(0, dtype=bool)
-        nodes = np.vstack((corners, self.target))
-        candidates = np.append(tangent, True)
-        seen = np.zeros(len(nodes), dtype=bool)
-        where = np.flatnonzero(candidates)
-        share, _ = self.curves.first_hits(np.broadcast_to(point, (len(where), 2)), nodes[where])
-        seen[where[np.isinf(share)]] = True
+        """Which nodes (corners, then the target) are seen from a point, tangent at the corner."""
+        seen = np.zeros(len(self.nodes), dtype=bool)
+        where = np.flatnonzero(self._touched(point))
+        seen[where] = self._reached(point, where)
         return seen
+
+    def _touched(self, point: FloatArray) -> np.ndarray:
+        """At which nodes a line from a point is tangent; always at the target."""
+        corners = self.curves.corners
+        tangent = self.curves.touches_corner(point[None])[0] if len(corners) else np.empty(0, dtype=bool)
+        return np.append(tangent, True)
+
+    def _reached(self, point: FloatArray, nodes: np.ndarray) -> np.ndarray:
+        """To which of some nodes a line from a point crosses no curve."""
+        share, _ = self.curves.first_hits(np.broadcast_to(point, (len(nodes), 2)), self.nodes[nodes])
+        return np.isinf(share)
 
     def chain(self, node: int) -> FloatArray:
         """Corners from a node to the target, both included, shape (M, 2) [m, map]."""
@@ -135,9 +163,14 @@ class GoalTree:
     def from_point(self, point: FloatArray) -> FloatArray | None:
         """Shortest chain from a point of the component to the target, whatever the heading; None without any."""
         length = np.linalg.norm(self.nodes - point, axis=1) + self.distance
-        length[~self._sees(point)] = math.inf
-        best = int(np.argmin(length))
-        return np.vstack((point, self.chain(best))) if math.isfinite(length[best]) else None
+        possible = np.flatnonzero(self._touched(point) & np.isfinite(length))
+        order = possible[np.argsort(length[possible], kind="stable")]
+        for begin in range(0, len(order), _FEW):
+            chunk = order[begin : begin + _FEW]
+            seen = np.flatnonzero(self._reached(point, chunk))
+            if len(seen):
+                return np.vstack((point, self.chain(int(chunk[seen[0]]))))
+        return None
 
     def options(self, circle: InitialCircle, climb: float) -> Iterator[tuple[float, float, FloatArray]]:
         """Ways to leave an initial circle towards a node, shortest first.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from snnav_core.obstacles import MovingObstacle
-from snnav_core.planning.certificate import BoundaryIndex
+from snnav_core.planning.boundary_index import BoundaryIndex
 from snnav_core.planning.spacetime_problem import OtherRobot, SpacetimeProblem, SpacetimeSettings
 from snnav_core.planning.workspace import workspace_region
 from snnav_core.types import Certificate, FloatArray, TimedPath

@@ -146,19 +146,21 @@ def test_a_distance_of_zero_leaves_the_region_as_it_is() -> None:
     assert shapely.equals(reduce_area(region, 0.0), region)
 
 
-@given(seeds, st.integers(0, 5))
-def test_removed_disks_are_gone_and_nothing_else(random_region: RegionMaker, seed: int, count: int) -> None:
+@given(seeds, st.integers(0, 5), st.booleans())
+def test_removed_disks_are_gone_and_nothing_else(
+    random_region: RegionMaker, seed: int, count: int, simple: bool
+) -> None:
     generator = np.random.default_rng(seed)
     region = random_region(seed, 0.4)
     centres, radii = generator.uniform(-8.0, 8.0, (count, 2)), generator.uniform(0.1, 2.0, count)
-    left = remove_disks(region, centres, radii)
+    left = remove_disks(region, centres, radii, simple)
     points = generator.uniform(-12.0, 12.0, (400, 2))
     away = np.linalg.norm(points[:, None] - centres, axis=2) - radii
     kept = shapely.contains_xy(left, points[:, 0], points[:, 1])
     inside = shapely.contains_xy(region, points[:, 0], points[:, 1])
     assert not kept[(away < 0.0).any(axis=1)].any()
     assert inside[kept].all()
-    assert kept[inside & (away > 0.02 * radii).all(axis=1)].all()
+    assert kept[inside & (away > 0.021 * radii).all(axis=1)].all()
 
 
 @given(seeds)

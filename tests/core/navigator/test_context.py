@@ -21,8 +21,8 @@ ROOM = MultiPolygon([shapely.box(0.0, 0.0, 10.0, 8.0)])
 seeds = st.integers(0, 2**32 - 1)
 
 
-def context(region: MultiPolygon = ROOM) -> AreaContext:
-    return AreaContext(UnoccupiedArea(0.0, region), 0.02)
+def context(region: MultiPolygon = ROOM, grain: float = 0.0) -> AreaContext:
+    return AreaContext(UnoccupiedArea(0.0, region), 0.02, grain)
 
 
 @given(seeds)
@@ -41,12 +41,12 @@ def test_equal_regions_and_no_others_have_equal_digests(random_region: RegionMak
 
 
 @settings(max_examples=20)
-@given(seeds, st.floats(0.2, 1.5), st.integers(0, 3))
+@given(seeds, st.floats(0.2, 1.5), st.integers(0, 3), st.sampled_from([0.0, 0.01]))
 def test_a_region_keeps_the_distance_to_the_boundary_and_to_standing_robots(
-    random_region: RegionMaker, seed: int, distance: float, count: int
+    random_region: RegionMaker, seed: int, distance: float, count: int, grain: float
 ) -> None:
     generator = np.random.default_rng(seed)
-    one = context(random_region(seed, 0.4))
+    one = context(random_region(seed, 0.4), grain)
     disks = tuple((float(x), float(y), 0.6) for x, y in generator.uniform(-6.0, 6.0, (count, 2)))
     left = one.region(distance, disks)
     assert left is one.region(distance, disks)
@@ -55,6 +55,16 @@ def test_a_region_keeps_the_distance_to_the_boundary_and_to_standing_robots(
         assert one.area.clearance(points).min() >= distance - 1e-6
     for x, y, radius in disks:
         assert left.distance(shapely.Point(x, y)) >= radius - 1e-9
+
+
+def test_in_a_crowd_distances_that_differ_by_millimetres_share_what_follows() -> None:
+    one, target = context(grain=0.01), np.array([5.0, 4.0])
+    assert one.region(0.6083, ()) is one.region(0.61, ())
+    assert one.curves(0.602, (), target) is one.curves(0.6083, (), target)
+    assert one.opened(0.602, 0.4) is one.opened(0.6083, 0.4)
+    assert one.rounded(0.61) == one.rounded(one.rounded(0.6001)) == one.rounded(0.6001) >= 0.61 - 1e-9
+    assert context().region(0.6083, ()) is not context().region(0.61, ())
+    assert context().rounded(0.6083) == 0.6083
 
 
 @settings(max_examples=30)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import shapely
 
 from snnav_core.area.planar import UnoccupiedArea, as_multipolygon
@@ -15,8 +16,10 @@ SETTINGS = NavigatorSettings(0.5, 0.4, 4)
 DISTANCES = RobotDistances(RobotSpec("a", 0.2, 0.8, 1.6), SETTINGS)
 
 
-def search(region: shapely.Geometry, start: tuple[float, float], goal: tuple[float, float]) -> PlaceSearch:
-    context = AreaContext(UnoccupiedArea(0.0, as_multipolygon(region)), SETTINGS.simplification)
+def search(
+    region: shapely.Geometry, start: tuple[float, float], goal: tuple[float, float], grain: float = 0.0
+) -> PlaceSearch:
+    context = AreaContext(UnoccupiedArea(0.0, as_multipolygon(region)), SETTINGS.simplification, grain)
     return PlaceSearch(context, np.array(start), DISTANCES, np.array(goal))
 
 
@@ -28,6 +31,23 @@ def test_the_place_is_off_the_claim_and_keeps_the_margin() -> None:
     assert shapely.distance(way, shapely.points(place.point)) >= 0.7
     assert shapely.distance(hall.boundary, shapely.points(place.point)) >= 0.4
     assert np.linalg.norm(place.point - (5.0, 4.1)) < 0.65, "the nearer side"
+
+
+@pytest.mark.parametrize("start", [(5.0, 4.1), (0.45, 0.45), (41.0, 4.1)])
+def test_in_a_crowd_a_place_is_as_good(start: tuple[float, float]) -> None:
+    """Only what lies around the robot is looked at; where nobody stands in the way that makes no difference."""
+    hall = shapely.box(0.0, 0.0, 60.0, 8.0)
+    way, stands = shapely.LineString([(0.0, 4.0), (60.0, 4.0)]), ((5.0, 5.3, 0.5), (50.0, 2.0, 0.5))
+    alone, crowd = (
+        search(hall, start, (1.0, 4.0), grain).nearest(stands, (), [Claim(way, 0.7)], [])
+        for grain in (0.0, 0.01)
+    )
+    assert alone is not None
+    assert crowd is not None
+    assert crowd.cost <= alone.cost + 0.05
+    assert shapely.distance(way, shapely.points(crowd.point)) >= 0.7
+    assert shapely.distance(hall.boundary, shapely.points(crowd.point)) >= 0.4
+    assert all(np.linalg.norm(crowd.point - (x, y)) >= radius for x, y, radius in stands)
 
 
 def test_somebody_elses_way_is_kept_free_where_that_is_little_farther() -> None:

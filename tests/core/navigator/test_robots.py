@@ -76,6 +76,18 @@ def test_robots_that_stand_close_can_part(closed_loop: Callable[..., Any], gap: 
     assert all_arrived(log)
 
 
+def test_of_many_robots_in_the_way_the_nearest_few_are_named(closed_loop: Callable[..., Any]) -> None:
+    wall = area(shapely.box(9.5, 0.0, 10.5, 5.3), shapely.box(9.5, 6.7, 10.5, 12.0))
+    names = "abcdefghij"
+    poses = {"a": Pose2D(3.0, 6.0, 0.0)}
+    poses |= {name: Pose2D(7.5 + 0.7 * index, 6.0, 0.0) for index, name in enumerate(names[1:7])}
+    poses |= {name: Pose2D(3.0 + 2.0 * index, 1.5, 0.0) for index, name in enumerate(names[7:])}
+    log = closed_loop(navigator(names), wall.restamped, poses, {"a": (16.0, 6.0)}, 1.0)
+    decision = log.last("a")
+    assert isinstance(decision, Stop)
+    assert "blocked by standing robots (b, c, d, e and 2 more)" in decision.message
+
+
 def test_a_parked_robot_in_the_only_way_is_named(closed_loop: Callable[..., Any]) -> None:
     wall = area(shapely.box(9.5, 0.0, 10.5, 5.3), shapely.box(9.5, 6.7, 10.5, 12.0))
     poses = {"a": Pose2D(4.0, 6.0, 0.0), "b": Pose2D(10.0, 6.0, 0.0)}

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import MultiPolygon
 
+from snnav_core.planning.boundary_index import BoundaryIndex
 from snnav_core.planning.certificate import (
-    BoundaryIndex,
 )
 from support.certificates import box_at, hall_without, random_area, random_path
 
