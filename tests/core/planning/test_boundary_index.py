@@ -10,8 +10,6 @@ from hypothesis import strategies as st
 from shapely.geometry import MultiPolygon
 
 from snnav_core.planning.boundary_index import BoundaryIndex
-from snnav_core.planning.certificate import (
-)
 from support.certificates import box_at, hall_without, random_area, random_path
 
 
