@@ -7,15 +7,16 @@ import math
 import numpy as np
 
 from snnav_core.planning.adjustment import AdjustmentSettings
-from snnav_core.planning.prolonging import Chain
+from snnav_core.planning.prolonging import TARGET, Chain
 from snnav_core.planning.spacetime_kernel import Gains, World, longest_and_shortest
 from snnav_core.types import FloatArray
 
 __all__ = ["fine_gains", "settle", "spacing", "with_target"]
 
-_PULL = 0.2  # G_P as a share of L: with corrected links it may be strong
+_PULL = 0.1  # G_P as a share of L
+_ATTENUATION = 0.98  # G_N: long chains come to rest faster with less damping
 _FINE = 0.003  # rest threshold as a share of G_P
-_CORRECTION = 0.03  # of what a link is too long, per pass
+_CORRECTION = 0.01  # of what a link is too long, per pass; below 1 - G_N
 _PASSES = 40  # before the end is looked at
 _TINY_END = 0.005  # of the link length: a shorter last link is left out
 
@@ -29,9 +30,9 @@ def fine_gains(link: float, settings: AdjustmentSettings) -> Gains:
         pull,
         settings.interval_gain,
         settings.barrier_gain,
-        settings.attenuation,
+        _ATTENUATION,
         threshold,
-        threshold / (1.0 - settings.attenuation),
+        threshold / (1.0 - _ATTENUATION),
         _CORRECTION,
     )
 
@@ -54,7 +55,8 @@ def settle(chain: Chain, world: World, gains: Gains, settings: AdjustmentSetting
     bool
         Whether the points rest, the last one within L of the target.
     """
-    chain.followed = -1
+    chain.followed = TARGET
+    chain.rest[:] = gains.link - gains.pull / gains.interval
     target = world.ends[1]
     limit, rests, gap = chain.passes + most, False, math.inf
     while chain.passes < limit and not rests:

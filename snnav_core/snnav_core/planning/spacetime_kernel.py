@@ -154,13 +154,13 @@ def demanded(kept, ends, body, x, y):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def distances_over_time(world, earliest):  # type: ignore[no-untyped-def]
-    """Distance [m] of the start from every body at first, and least one of the target from point `earliest` on."""
+def distances_over_time(world, earliest, latest):  # type: ignore[no-untyped-def]
+    """Distance [m] of the start from every body at first, and of the target at the least up to `latest`."""
     count = len(world.shifts) + 1
     at_start, at_target = np.empty(count), np.full(count, math.inf)
     for body in range(count):
         at_start[body], _, _ = distance(world, body, 0, world.ends[0, 0], world.ends[0, 1])
-        for k in range(earliest, world.shifts.shape[1]):
+        for k in range(earliest, latest):
             rho, _, _ = distance(world, body, k, world.ends[1, 0], world.ends[1, 1])
             at_target[body] = min(at_target[body], rho)
     return at_start, at_target

@@ -21,6 +21,7 @@ BORDER = "workspace"
 
 _RADIUS_RESERVE = 1.15  # R_plan as a share of R_min (C0-9)
 _MOST_POINTS = 3000
+_SPARE = 50  # points beyond the longest candidate
 _NOWHERE = (
     np.zeros((0, 2)),
     np.zeros((0, 2)),
@@ -70,6 +71,8 @@ class Layout:
         What the certificate demands from each [m].
     perimeters : ndarray, shape (B + 1,)
         Of what is kept clear around each [m].
+    earliest, latest : int
+        Points at which a path may end: as many as the straight line has, and so many times more (C2-3).
     """
 
     world: World
@@ -78,6 +81,8 @@ class Layout:
     step: float
     margins: FloatArray
     perimeters: FloatArray
+    earliest: int
+    latest: int
 
     @property
     def most_points(self) -> int:
@@ -123,7 +128,8 @@ def lay_out(problem: SpacetimeProblem, settings: SpacetimeSettings, reserve: Tur
         wanted = least
     world = _pack(problem, bodies, wanted, count)
     earliest = int(straight / link)
-    at_start, at_target = distances_over_time(world, earliest)
+    latest = min(int(settings.longest * straight / link) + 1, count)
+    at_start, at_target = distances_over_time(world, earliest, latest)
     lengths = [_perimeter(body.outline) + 2.0 * math.pi * body.radius for body in bodies]
     lengths.append(_border_length(problem))
     return Layout(
@@ -133,6 +139,8 @@ def lay_out(problem: SpacetimeProblem, settings: SpacetimeSettings, reserve: Tur
         step,
         margins,
         np.array(lengths) + 2.0 * math.pi * wanted,
+        earliest,
+        latest,
     )
 
 
@@ -156,7 +164,7 @@ def _most_points(
     around += sum(_perimeter(hole) for hole in holes) + _border_length(problem)
     count = len(problem.obstacles) + len(problem.others) + len(holes)
     around += 2.0 * math.pi * settings.safety_margin * count
-    return int(min((settings.longest * straight + around) / link, _MOST_POINTS)) + 8
+    return int(min((settings.longest * straight + around) / link, _MOST_POINTS)) + _SPARE
 
 
 def _perimeter(outline: FloatArray) -> float:
