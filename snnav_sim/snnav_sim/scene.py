@@ -96,19 +96,21 @@ def list_scenes() -> dict[str, str]:
 def find_scene(name_or_path: str) -> Path:
     """Return the file of a scene given by the name of a shipped one or by a path.
 
+    A name of a shipped one is that everywhere, also where a run directory or a file is called the same: that is
+    ``./NAME``.
+
     Raises
     ------
     SceneError
         If there is no such scene.
     """
-    path = Path(name_or_path)
+    path, shipped = Path(name_or_path), _SHIPPED / f"{name_or_path}.yaml"
+    if "/" not in name_or_path and shipped.is_file():
+        return shipped
     if path.is_file():
         return path
     if path.is_dir():
         raise SceneError(f"{name_or_path or '.'}: is a directory: give a scene file in it, or a name")
-    shipped = _SHIPPED / f"{name_or_path}.yaml"
-    if "/" not in name_or_path and shipped.is_file():
-        return shipped
     if path.suffix in (".yaml", ".yml") or "/" in name_or_path:
         raise SceneError(f"{name_or_path}: there is no such file: give the path of a scene file, or a name")
     names = sorted(path.stem for path in _SHIPPED.glob("*.yaml"))

@@ -95,14 +95,27 @@ def test_shipped_scenes_have_descriptions_and_round_trip() -> None:
         assert parse_scene(dump_scene(scene), name) == scene
 
 
-def test_a_path_is_found_before_a_name(
-    tmp_path: Path, example_text: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_path_is_found(tmp_path: Path, example_text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "mine.yaml"
     file.write_text(example_text)
     assert find_scene(str(file)) == file
     monkeypatch.chdir(tmp_path)
     assert find_scene("mine.yaml") == Path("mine.yaml")
+
+
+@pytest.mark.parametrize("folder", [False, True])
+def test_a_name_means_the_shipped_scene_wherever_one_stands(
+    tmp_path: Path, example_text: str, monkeypatch: pytest.MonkeyPatch, folder: bool
+) -> None:
+    """`snnav run hello --out hello`, a second time; kernels are warmed up by `hello` too, in every process."""
+    before = find_scene("hello")
+    monkeypatch.chdir(tmp_path)
+    if folder:
+        Path("hello").mkdir()
+    else:
+        Path("hello").write_text(example_text)
+        assert find_scene("./hello") == Path("./hello")
+    assert find_scene("hello") == before
 
 
 coordinate = st.floats(0.5, 99.5)
