@@ -10,7 +10,7 @@ from snnav_core.planning.homotopy_search import Found
 from snnav_core.planning.settling import fine_gains, settle, spacing, with_target
 from snnav_core.planning.spacetime_certificate import certify_in_spacetime
 from snnav_core.planning.spacetime_problem import CandidateOutcome, SpacetimeProblem, SpacetimeSettings
-from snnav_core.planning.spacetime_world import Layout
+from snnav_core.planning.spacetime_world import RADIUS_RESERVE, Layout
 from snnav_core.types import Certificate, FloatArray, TimedPath
 
 __all__ = ["Arrivals"]
@@ -44,7 +44,8 @@ class Arrivals:
     def add(self, one: Found) -> float:
         """Settle a candidate; travel time of the best that is accepted [s], infinite if there is none."""
         chain, layout, problem = one.chain, self.layout, self.problem
-        gains = fine_gains(layout.link, self.settings.adjustment)
+        radius = RADIUS_RESERVE * problem.robot.min_turn_radius
+        gains = fine_gains(layout.link, radius, self.settings.adjustment)
         rests = settle(chain, layout.world, gains, self.settings.adjustment, _SETTLING_PASSES)
         points = with_target(chain, layout.world.ends[1], layout.link)
         one.outcome, one.reason = _verdict(points[:-1], rests, layout.link, self.settings)

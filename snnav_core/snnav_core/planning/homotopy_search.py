@@ -21,10 +21,11 @@ _COARSE = 0.1  # rest threshold while a chain grows, as a share of G_P
 _MOST_PASSES = 60  # for a point, while a chain grows
 _PATIENCE = 1.25  # others go on as long as they may arrive within so many times of the least travel time
 _ROUNDS = 1.25  # perimeters of a body along which it is followed without getting past it
+_SAME = 0.1  # of the link length: candidates nowhere farther apart than this are the same
 _WORK = 3e8  # passes times points of all candidates together
 
 
-@dataclass
+@dataclass(eq=False)
 class Found:
     """A candidate of the search.
 
@@ -59,7 +60,6 @@ def coarse_gains(link: float, settings: AdjustmentSettings) -> Gains:
         settings.attenuation,
         threshold,
         threshold / (1.0 - settings.attenuation),
-        0.0,
     )
 
 
@@ -112,6 +112,7 @@ class _Search:
         while active := [one for one in self.found if one.outcome is None]:
             for one in active:
                 self._advance(one)
+            self._drop_same([one for one in active if one.outcome is None])
             for one in active:
                 self._judge(one)
         return self.found
@@ -162,6 +163,19 @@ class _Search:
             one.reason = "another candidate makes the same turns around the same bodies"
         self.seen.add(one.chain.turns)
 
+    def _drop_same(self, active: list[Found]) -> None:
+        """Drop candidates that have come to the same chain by other turns (C2-9)."""
+        if len(active) < 2:
+            return
+        near = _SAME * self.layout.link
+        ends = np.array([one.chain.points[one.chain.n] for one in active])
+        apart = np.abs(ends[:, None] - ends).max(axis=-1)
+        for i, j in np.argwhere(np.triu(apart < near, 1)):
+            first, second = active[i], active[j]
+            if second.outcome is None and _is_same(first.chain, second.chain, near):
+                second.outcome = CandidateOutcome.DUPLICATE
+                second.reason = "another candidate has come to the same points"
+
     def _least_links(self, chain: Chain) -> float:
         gap = math.dist(chain.points[chain.n], self.layout.world.ends[1])
         return chain.n + gap / self.layout.link
@@ -182,3 +196,9 @@ class _Search:
         elif chain.n + 1 >= layout.most_points or self.work > _WORK:
             one.outcome = CandidateOutcome.TOO_LONG
             one.reason = f"the target is not reached after {length:.2f} m"
+
+
+def _is_same(one: Chain, other: Chain, near: float) -> bool:
+    """Whether two chains of the same number of points are nowhere farther apart and in the same mode."""
+    same_mode = one.followed == other.followed and (one.followed < 0 or one.side == other.side)
+    return same_mode and bool(np.abs(one.chain - other.chain).max() < near)

@@ -1,4 +1,4 @@
-"""Candidates that the search is given beside its own: an earlier plan, and the route of the lower bound."""
+"""Candidates that the search is given beside its own: an earlier plan, a route, a way over a lattice."""
 
 from __future__ import annotations
 
@@ -7,13 +7,16 @@ import math
 import numpy as np
 
 from snnav_core.planning.homotopy_search import Found
+from snnav_core.planning.lattice import lattice_way
 from snnav_core.planning.prolonging import Chain
 from snnav_core.planning.spacetime_problem import SpacetimeProblem, TravelBound
 from snnav_core.planning.spacetime_world import Layout
 from snnav_core.types import FloatArray, TimedPath
 
-__all__ = ["rest_of_path", "route_chain"]
+__all__ = ["lattice_chains", "rest_of_path", "route_chain"]
 
+_CELLS = (0.6, 0.35)  # of the lattice, as shares of a move
+_MOST_NODES = 60_000
 _SPARE = 40  # points that a chain may grow by
 
 
@@ -55,3 +58,18 @@ def route_chain(bound: TravelBound, problem: SpacetimeProblem, layout: Layout) -
     points = np.column_stack([np.interp(times, bound.route[:, 2], bound.route[:, axis]) for axis in range(2)])
     points[0] = problem.start.position
     return Found(Chain.along(points, layout.link, _SPARE))
+
+
+def lattice_chains(layout: Layout) -> list[Found]:
+    """Ways found by a coarse search over places and times as candidates.
+
+    Parameters
+    ----------
+    layout : Layout
+    """
+    found = []
+    for cell in _CELLS:
+        way = lattice_way(layout.world, layout.link, cell, layout.most_points, _MOST_NODES)
+        if way is not None:
+            found.append(Found(Chain.along(way, layout.link, _SPARE)))
+    return found

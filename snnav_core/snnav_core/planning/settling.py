@@ -17,12 +17,14 @@ _PULL = 0.1  # G_P as a share of L
 _ATTENUATION = 0.98  # G_N: long chains come to rest faster with less damping
 _FINE = 0.003  # rest threshold as a share of G_P
 _CORRECTION = 0.01  # of what a link is too long, per pass; below 1 - G_N
+_STIFFNESS = 0.1  # against bends below the turning radius; 4 G_I + 16 times this stays below 2 (1 + G_N)
+_HOPELESS, _TORN = 1000, 1.5  # passes after which no link may be longer than this share of L
 _PASSES = 40  # before the end is looked at
 _TINY_END = 0.005  # of the link length: a shorter last link is left out
 
 
-def fine_gains(link: float, settings: AdjustmentSettings) -> Gains:
-    """Constants of the last adjustment: all links come to the length L."""
+def fine_gains(link: float, radius: float, settings: AdjustmentSettings) -> Gains:
+    """Constants of the last adjustment: all links come to the length L, the smallest radius [m] is sought."""
     pull = _PULL * link
     threshold = _FINE * pull
     return Gains(
@@ -34,6 +36,8 @@ def fine_gains(link: float, settings: AdjustmentSettings) -> Gains:
         threshold,
         threshold / (1.0 - _ATTENUATION),
         _CORRECTION,
+        _STIFFNESS,
+        link * link / radius,
     )
 
 
@@ -59,7 +63,10 @@ def settle(chain: Chain, world: World, gains: Gains, settings: AdjustmentSetting
     chain.rest[:] = gains.link - gains.pull / gains.interval
     target = world.ends[1]
     limit, rests, gap = chain.passes + most, False, math.inf
+    hopeless = chain.passes + _HOPELESS
     while chain.passes < limit and not rests:
+        if chain.passes > hopeless and longest_and_shortest(chain.points, chain.n)[0] > _TORN * gains.link:
+            return False
         rests = chain.relax(world, gains, _PASSES)
         gap = math.dist(chain.points[chain.n], target) / gains.link
         if gap > settings.longest_end and chain.n + 2 < len(chain.points):

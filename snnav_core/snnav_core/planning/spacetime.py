@@ -12,7 +12,7 @@ from snnav_core.errors import NoPathFound, PlanningError
 from snnav_core.planning.arrivals import Arrivals
 from snnav_core.planning.blocked import check_ends, unreachable
 from snnav_core.planning.homotopy_search import Found, search
-from snnav_core.planning.seeds import rest_of_path, route_chain
+from snnav_core.planning.seeds import lattice_chains, rest_of_path, route_chain
 from snnav_core.planning.spacetime_problem import (
     Candidate,
     CandidateOutcome,
@@ -66,9 +66,10 @@ def plan_in_spacetime(
     -----
     Best of the candidates that were tried; that there is no better one is not claimed (C2-13).
 
-    Deviation: the route of the lower bound of the travel time for the planning distance is one more candidate. The
-    search of Ch. 2 is made for bodies whose margins do not overlap; where they do, or bodies are many, it may miss
-    classes. What is given to the search beside its own candidates is adjusted and checked like these.
+    Deviation: the route of the lower bound of the travel time for the planning distance, and the ways of a coarse
+    search over places and times, are further candidates. The search of Ch. 2 is made for bodies whose margins do not
+    overlap; where they do, or bodies are many, it may miss classes. What it is given is adjusted and checked like its
+    own candidates.
     """
     layout = lay_out(problem, settings, TurningReserve.CORNERS)
     check_ends(problem, layout)
@@ -84,7 +85,7 @@ def plan_in_spacetime(
         given = [route_chain(_route(problem, layout), problem, layout)]
         if previous is not None:
             given.append(rest_of_path(previous.path, problem, layout))
-        seeds = [one for one in given if one is not None]
+        seeds = [one for one in given if one is not None] + lattice_chains(layout)
         for one in seeds:
             arrivals.add(one)
         try:

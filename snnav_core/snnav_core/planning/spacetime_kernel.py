@@ -27,6 +27,7 @@ _TINY = 1e-12
 _TOUCHING = -1e-9  # [m]
 _SLOPE = 0.3  # of what is demanded, over the distance from start or target where that has to be less there
 _STEEPEST = 1.0 + _SLOPE
+_WEDGE = 10  # pushes out of two bodies that are touched at once, in turn
 _QUIET = 5  # passes in which everything is small before rest counts
 _ATTRACTION = 2.0  # largest attraction to the followed body as a multiple of G_P
 _FAR = 1e9  # [m]
@@ -68,7 +69,21 @@ class World(NamedTuple):
 
 
 class Gains(NamedTuple):
-    """Constants of the loop: link length and pull [m], G_I, G_R, G_N, thresholds [m], correction per pass."""
+    """Constants of the loop.
+
+    Attributes
+    ----------
+    link, pull : float
+        L and G_P [m].
+    interval, attraction, attenuation : float
+        G_I, G_R (towards the followed body), G_N.
+    force_threshold, speed_threshold : float
+        What counts as rest [m].
+    correction : float
+        Change of the rest length of a link per pass, as a share of what the link is too long.
+    stiffness, bend : float
+        Share of what the change from link to link is above `bend` [m] that is taken back per pass.
+    """
 
     link: float
     pull: float
@@ -77,7 +92,9 @@ class Gains(NamedTuple):
     attenuation: float
     force_threshold: float
     speed_threshold: float
-    correction: float
+    correction: float = 0.0
+    stiffness: float = 0.0
+    bend: float = 0.0
 
 
 @numba.njit(cache=True, nogil=True)
@@ -239,7 +256,7 @@ def _keep_out(world, first, n, p, velocity, force, memory):  # type: ignore[no-u
             _push(i, rho - demanded(kept, ends, body, x, y), nx, ny, p, velocity, force)
             continue
         nearest, least, second = 0, math.inf, math.inf
-        contacts, ox, oy = 0, 0.0, 0.0
+        contacts, one, other, ox, oy = 0, 0, 0, 0.0, 0.0
         for body in range(count + 1):
             if body < count:
                 spare = _farther(shifts, circles, body, i, p[i, 0], p[i, 1]) - kept[body, 0]
@@ -248,21 +265,27 @@ def _keep_out(world, first, n, p, velocity, force, memory):  # type: ignore[no-u
                 if spare < kept[body, 0]:
                     rho, nx, ny = _outline(vertices, offsets, shifts, circles, body, i, p[i, 0], p[i, 1])
                     spare = rho - demanded(kept, ends, body, p[i, 0], p[i, 1])
-                    _push(i, spare, nx, ny, p, velocity, force)
-                    if spare < -_TOUCHING:
-                        contacts, ox, oy = _corner(i, contacts, ox, oy, nx, ny, velocity, force)
             elif bounded:
                 rho, nx, ny = _border(world, p[i, 0], p[i, 1])
                 spare = rho - demanded(kept, ends, body, p[i, 0], p[i, 1])
-                _push(i, spare, nx, ny, p, velocity, force)
-                if spare < -_TOUCHING:
-                    contacts, ox, oy = _corner(i, contacts, ox, oy, nx, ny, velocity, force)
             else:
                 continue
+            if spare < -_TOUCHING:
+                _push(i, spare, nx, ny, p, velocity, force)
+                _corner(i, contacts, ox, oy, velocity, force)
+                contacts, one, other, ox, oy = contacts + 1, other, body, nx, ny
             if spare < least:
                 nearest, least, second = body, spare, least
             else:
                 second = min(second, spare)
+        for push in range(_WEDGE if contacts > 1 else 0):
+            # out of the wedge between two bodies, in turn
+            body = one if push % 2 == 0 else other
+            if body == count:
+                rho, nx, ny = _border(world, p[i, 0], p[i, 1])
+            else:
+                rho, nx, ny = _outline(vertices, offsets, shifts, circles, body, i, p[i, 0], p[i, 1])
+            _push(i, rho - demanded(kept, ends, body, p[i, 0], p[i, 1]), nx, ny, p, velocity, force)
         memory[i, 0], memory[i, 1], memory[i, 4] = p[i, 0], p[i, 1], nearest
         pushed = math.sqrt((p[i, 0] - x) ** 2 + (p[i, 1] - y) ** 2) * _STEEPEST
         memory[i, 2], memory[i, 3] = least - pushed, second - pushed
@@ -285,14 +308,14 @@ def _push(i, spare, nx, ny, p, velocity, force):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _corner(i, contacts, ox, oy, nx, ny, velocity, force):  # type: ignore[no-untyped-def]
+def _corner(i, contacts, ox, oy, velocity, force):  # type: ignore[no-untyped-def]
     """Where two bodies are touched: what leads out of one into the other, with normal (ox, oy), leads nowhere."""
-    if contacts > 0:
-        if velocity[i, 0] * ox + velocity[i, 1] * oy < 0.0:
-            velocity[i, 0], velocity[i, 1] = 0.0, 0.0
-        if force[i, 0] * ox + force[i, 1] * oy < 0.0:
-            force[i, 0], force[i, 1] = 0.0, 0.0
-    return contacts + 1, nx, ny
+    if contacts == 0:
+        return
+    if velocity[i, 0] * ox + velocity[i, 1] * oy < 0.0:
+        velocity[i, 0], velocity[i, 1] = 0.0, 0.0
+    if force[i, 0] * ox + force[i, 1] * oy < 0.0:
+        force[i, 0], force[i, 1] = 0.0, 0.0
 
 
 @numba.njit(cache=True, nogil=True)
@@ -310,6 +333,25 @@ def _guide(world, n, p, force, followed, side, gains):  # type: ignore[no-untype
     towards = min(gains.attraction * away, _ATTRACTION * gains.pull)
     force[n, 0] += -towards * nx + side * gains.pull * ny
     force[n, 1] += -towards * ny - side * gains.pull * nx
+
+
+@numba.njit(cache=True, nogil=True)
+def _unbend(first, n, p, force, stiffness, bend):  # type: ignore[no-untyped-def]
+    """Straighten where the change from link to link is larger than `bend`."""
+    for i in range(first, n):
+        sx = p[i - 1, 0] - 2.0 * p[i, 0] + p[i + 1, 0]
+        sy = p[i - 1, 1] - 2.0 * p[i, 1] + p[i + 1, 1]
+        size = math.sqrt(sx * sx + sy * sy)
+        if size <= bend:
+            continue
+        share = stiffness * (1.0 - bend / size)
+        force[i, 0] += 2.0 * share * sx
+        force[i, 1] += 2.0 * share * sy
+        force[i + 1, 0] -= share * sx
+        force[i + 1, 1] -= share * sy
+        if i > first:
+            force[i - 1, 0] -= share * sx
+            force[i - 1, 1] -= share * sy
 
 
 @numba.njit(cache=True, nogil=True)
@@ -336,7 +378,8 @@ def relax(world, first, n, p, velocity, force, rest, memory, followed, side, gai
     Deviations: v first, then p (C0-2); exact barrier (C0-5); rest means that all are small for several passes (C0-1);
     in R2 what pulls towards the body acts only beyond its margin (C2-6). With `correction` rest lengths change until
     all links are L long: bodies in motion push along the path as well, so that the tension and with it the spacing of
-    springs differs from link to link (deviation C0-3).
+    springs differs from link to link (deviation C0-3). With `stiffness` a chain that has to lose time, which constant
+    speed allows by a detour only, does not fold (deviation C0-8).
     """
     quiet = 0
     for passes in range(1, most + 1):
@@ -354,6 +397,8 @@ def relax(world, first, n, p, velocity, force, rest, memory, followed, side, gai
                 if rest[i] == changed:
                     uneven = max(uneven, abs(length - gains.link))
         _guide(world, n, p, force, followed, side, gains)
+        if gains.stiffness > 0.0:
+            _unbend(first, n, p, force, gains.stiffness, gains.bend)
         fastest, strongest = 0.0, 0.0
         for i in range(first, n + 1):
             for axis in range(2):

@@ -14,12 +14,14 @@ from snnav_core.planning.spacetime_kernel import World, distances_over_time
 from snnav_core.planning.spacetime_problem import SpacetimeProblem, SpacetimeSettings
 from snnav_core.types import FloatArray
 
-__all__ = ["BORDER", "Layout", "TurningReserve", "lay_out"]
+__all__ = ["BORDER", "RADIUS_RESERVE", "Layout", "TurningReserve", "lay_out"]
 
 BORDER = "workspace"
 """Name of the border of the workspace in messages and turns."""
 
-_RADIUS_RESERVE = 1.15  # R_plan as a share of R_min (C0-9)
+RADIUS_RESERVE = 1.15
+"""R_plan as a share of R_min (C0-9)."""
+
 _MOST_POINTS = 3000
 _SPARE = 50  # points beyond the longest candidate
 _NOWHERE = (
@@ -114,7 +116,7 @@ def lay_out(problem: SpacetimeProblem, settings: SpacetimeSettings, reserve: Tur
     count = _most_points(problem, settings, straight, link, holes)
     times: FloatArray = problem.start_time + step * np.arange(float(count))
     bodies = _bodies(problem, settings, times, holes)
-    turning = _RADIUS_RESERVE * problem.robot.min_turn_radius
+    turning = RADIUS_RESERVE * problem.robot.min_turn_radius
     margins = np.array(
         [*(body.margin for body in bodies), settings.safety_margin + settings.tracking_tolerance]
     )
@@ -149,7 +151,7 @@ def _parts(problem: SpacetimeProblem, settings: SpacetimeSettings) -> int:
     stride = problem.robot.speed * settings.sampling_interval
     fastest = max((body.speed for body in problem.obstacles), default=0.0) / problem.robot.speed
     near = min([settings.safety_margin, *(other.distance for other in problem.others)])
-    wide = max(near, _RADIUS_RESERVE * problem.robot.min_turn_radius)
+    wide = max(near, RADIUS_RESERVE * problem.robot.min_turn_radius)
     return max(1, math.ceil(2.0 * stride / wide - 1e-9), math.ceil(1.01 * stride * (1.0 + fastest) / near))
 
 
