@@ -220,6 +220,7 @@ class PathSource(Enum):
     LAST_PATH = "last_path"  # the last certified path, followed inside its window
     EVASION = "evasion"  # out of the way of what comes nearer, while there is no safe way to the target
     YIELD = "yield"  # out of the way of another robot, to wait there until that one has passed
+    SPACETIME = "spacetime"  # the global planner of Ch. 2
 
 
 class StopReason(Enum):
@@ -235,6 +236,7 @@ class StopReason(Enum):
     NO_PATH = "no_path"
     BLOCKED_BY_ROBOT = "blocked_by_robot"
     YIELDS = "yields"  # waits out of the way of another robot; the message says for whom
+    NOT_TRACKED = "not_tracked"  # bodies were not measured often enough yet to know how they move
 
 
 @dataclass(frozen=True, slots=True)

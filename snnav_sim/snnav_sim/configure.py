@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 from snnav_core.area.fusion import FusionSettings, PlanarSensor
+from snnav_core.area.tracks import TrackerSettings
+from snnav_core.navigator.global_settings import GlobalSettings
 from snnav_core.navigator.settings import NavigatorSettings
+from snnav_core.planning.spacetime_problem import SpacetimeSettings
 from snnav_core.sensing.scan import LMS200_ERROR_CODES, ScanSettings
 from snnav_sim.scene_types import Scene, SensorScene
 
-__all__ = ["fusion_settings", "navigator_settings", "planar_sensor", "scan_settings"]
+__all__ = [
+    "fusion_settings",
+    "global_settings",
+    "navigator_settings",
+    "planar_sensor",
+    "scan_settings",
+    "tracker_settings",
+]
 
 _NOISE_ALLOWANCE = 0.02
 
@@ -65,3 +75,17 @@ def navigator_settings(scene: Scene) -> NavigatorSettings:
         time_window=scene.time_window,
         boundary_speed=scene.boundary_speed,
     )
+
+
+def global_settings(scene: Scene) -> GlobalSettings:
+    """Return the settings of the global navigator."""
+    return GlobalSettings(
+        SpacetimeSettings(sampling_interval=scene.sampling_interval, safety_margin=scene.safety_margin),
+        time_window=scene.time_window,
+        body_speed=scene.boundary_speed,
+    )
+
+
+def tracker_settings(scene: Scene) -> TrackerSettings:
+    """Return the settings of the tracker of bodies."""
+    return TrackerSettings(top_speed=max(scene.boundary_speed, TrackerSettings().least_speed))

@@ -131,6 +131,7 @@ def dump_scene(scene: Scene) -> str:
         "boundary_speed": scene.boundary_speed,
         "safety_margin": scene.safety_margin,
         "time_limit": scene.time_limit,
+        "planner": scene.planner,
         "workspace": _shape(scene.border),
     }
     lines = [f"{key}: {_flow(value)}" for key, value in head.items()]

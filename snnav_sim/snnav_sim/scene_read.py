@@ -33,6 +33,7 @@ OPTIONAL = (
     "time_window",
     "boundary_speed",
     "time_limit",
+    "planner",
     "obstacles",
     "movers",
 )
@@ -82,6 +83,7 @@ def read_scene(root: Field) -> Scene:
         else 0.0,
         safety_margin=entries["safety_margin"].number("m", 0.0, 100.0, above=True),
         time_limit=number("time_limit", 300.0, 0.0, 1e5, above=True),
+        planner=entries["planner"].choice(("local", "global")) if "planner" in entries else "local",
         border=_workspace(entries["workspace"]),
         obstacles=tuple(_obstacle(item) for item in listed("obstacles", "[{polygon: ...}, ...]")),
         movers=tuple(_mover(item) for item in listed("movers", "[{id: ...}, ...]")),

@@ -292,6 +292,9 @@ class Scene:
         V_max [m/s].
     time_limit : float
         A run ends then [s].
+    planner : str
+        ``local``: a path that is safe whatever moves how, anew at every sampling instant (Ch. 3); ``global``: the
+        shortest one among bodies in uniform motion, once (Ch. 2).
     """
 
     name: str
@@ -308,6 +311,7 @@ class Scene:
     time_window: int = 4
     boundary_speed: float = 0.0
     time_limit: float = 300.0
+    planner: str = "local"
     _workspace: FloatArray = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -350,6 +354,11 @@ class Scene:
     def sees_robots(self) -> bool:
         """Whether any sensor stands on the floor and sees robots."""
         return any(sensor.sees_robots for sensor in self.sensors)
+
+    @property
+    def plans_globally(self) -> bool:
+        """Whether robots follow the global planner in space-time."""
+        return self.planner == "global"
 
     @property
     def recorded(self) -> bool:

@@ -8,13 +8,13 @@ from collections.abc import Callable
 from snnav_core.area.fusion import AreaFusion
 from snnav_core.area.robots import RobotTrack
 from snnav_core.errors import InvalidInput
-from snnav_core.navigator.ground import GroundNavigator
 from snnav_core.tracking.planar import PlanarTracker, TrackerSettings
 from snnav_core.types import PlannedPath, RobotState, StepResult, Stop, StopReason
-from snnav_sim.configure import fusion_settings, navigator_settings, planar_sensor
+from snnav_sim.configure import fusion_settings, planar_sensor
 from snnav_sim.devices import SensorFeed, make_device
 from snnav_sim.devices.base import PioneerBase
 from snnav_sim.ending import EndWatch
+from snnav_sim.pilot import pilot_of
 from snnav_sim.report.record import Decision, RunRecord
 from snnav_sim.scene_types import RobotScene, Scene
 from snnav_sim.world import World
@@ -71,7 +71,7 @@ class Simulation:
         ]
         sensors = [planar_sensor(sensor) for sensor in scene.sensors]
         self._fusion = AreaFusion(sensors, fusion_settings(scene))
-        self._navigator = GroundNavigator([], navigator_settings(scene))
+        self._pilot = pilot_of(scene)
         self._robots: dict[str, _Robot] = {}
         self._watch = EndWatch(scene)
         self._tick = 0
@@ -109,7 +109,8 @@ class Simulation:
                 self.record.add_rejection(sensor_id, str(error))
         area = self._fusion.area(time)
         fused = clock.perf_counter()
-        result = self._navigator.step(time, area, self._states(), goals)
+        result = self._pilot.decide(time, self._fusion, area, self._states(), goals)
+        self.record.add_plans(time, self._pilot.plans)
         self.record.add_area(area)
         self.record.fusion_seconds.append(fused - begin)
         self.record.planner_seconds.append(clock.perf_counter() - fused)
@@ -135,14 +136,14 @@ class Simulation:
         present = {robot.id: robot for robot in self.scene.robots if self.scene.is_present(robot, self.time)}
         for name in self._robots.keys() - present.keys():
             del self._robots[name]
-            self._navigator.remove_robot(name)
+            self._pilot.navigator.remove_robot(name)
             if name in self._tracks:
                 self._tracks[name].clear()
                 self._fusion.remove_robot(name)
         for name, robot in present.items():
             if name not in self._robots:
                 self._robots[name] = _Robot(robot, self.scene.control_period)
-                self._navigator.add_robot(robot.spec)
+                self._pilot.navigator.add_robot(robot.spec)
                 if name in self._tracks:
                     self._fusion.add_robot(robot.spec)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,6 +10,7 @@ import shapely
 from shapely.geometry import MultiPolygon
 
 from snnav_core.area.planar import UnoccupiedArea
+from snnav_core.planning.spacetime_problem import SpacetimePlan
 from snnav_core.types import FloatArray, PlannedPath, Pose2D, Stop, TimedPath, VelocityCommand
 
 __all__ = ["Decision", "RunRecord"]
@@ -80,6 +82,8 @@ class RunRecord:
         In order of publication.
     areas : list of (float, MultiPolygon)
         Sampling instant and unoccupied area as published [s; m, map].
+    plans : list of (float, SpacetimePlan)
+        Plans of the global planner with the sampling instant at which they were made [s]; where known.
     planner_seconds, fusion_seconds : list of float
         Duration of every step [s].
     rejected : dict
@@ -94,6 +98,7 @@ class RunRecord:
     samples: dict[str, list[tuple[float, float, float, float, float, float]]] = field(default_factory=dict)
     decisions: list[Decision] = field(default_factory=list)
     areas: list[tuple[float, MultiPolygon]] = field(default_factory=list)
+    plans: list[tuple[float, SpacetimePlan]] = field(default_factory=list)
     planner_seconds: list[float] = field(default_factory=list)
     fusion_seconds: list[float] = field(default_factory=list)
     rejected: dict[str, tuple[int, str]] = field(default_factory=dict)
@@ -115,6 +120,16 @@ class RunRecord:
         if self.areas and shapely.equals_exact(region, self.areas[-1][1]):
             region = self.areas[-1][1]
         self.areas.append((area.stamp, region))
+
+    def add_plans(self, time: float, plans: Mapping[str, SpacetimePlan]) -> None:
+        """Note plans in force at a time [s]; one that is already noted is not noted again."""
+        for plan in plans.values():
+            if not any(plan is noted for _, noted in self.plans):
+                self.plans.append((time, plan))
+
+    def plans_of(self, robot: str) -> list[tuple[float, SpacetimePlan]]:
+        """Return the plans of one robot with the times at which they were made [s]."""
+        return [(time, plan) for time, plan in self.plans if plan.robot_id == robot]
 
     @property
     def end(self) -> float:
