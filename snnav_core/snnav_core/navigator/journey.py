@@ -80,8 +80,9 @@ class Situation:
 
     def _doubt(self, body: MovingObstacle) -> float:
         age = max(self.window_end - body.stamp, 0.0)
-        speed = min(DEVIATIONS * body.velocity_deviation, self.settings.body_speed + body.speed)
-        return DEVIATIONS * body.position_deviation + speed * age
+        # what stands is slower than its deviation says
+        speed = (DEVIATIONS if body.speed > 0.0 else 1.0) * body.velocity_deviation
+        return DEVIATIONS * body.position_deviation + age * min(speed, self.settings.body_speed + body.speed)
 
     def whole(self, path: TimedPath, target: FloatArray) -> Certificate:
         """Certificate of a path to its end."""

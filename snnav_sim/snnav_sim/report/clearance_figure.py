@@ -27,7 +27,8 @@ _SHOWN = 8.0  # times the margin; larger distances are left out when there are m
 def draw_clearance(scene: Scene, record: RunRecord, truth: GroundTruth, file: Path) -> None:
     """Draw the distances of every robot's centre over time as a PNG.
 
-    To the boundary of the true unoccupied area (Ch. 3: to the undetected areas) and to the true obstacles.
+    To the boundary of the true unoccupied area (Ch. 3: to the undetected areas) and to the true obstacles; with the
+    global planner, which keeps clear of bodies (Ch. 2), to these only.
     """
     figure = Figure(figsize=(_WIDTH, 4.2), layout="constrained")
     axes = figure.add_subplot()
@@ -44,7 +45,8 @@ def draw_clearance(scene: Scene, record: RunRecord, truth: GroundTruth, file: Pa
     axes.grid(alpha=0.25, linewidth=0.5)
     axes.set_xlabel("time [s]")
     axes.set_ylabel("distance [m]")
-    what = "fused area and recorded returns" if scene.recorded else "all that may hide an obstacle"
+    what = "bodies and walls" if scene.plans_globally else "all that may hide an obstacle"
+    what = "fused area and recorded returns" if scene.recorded else what
     axes.set_title(f"{scene.name}: distance from the robot's centre to {what}", loc="left", fontsize=11)
     axes.legend(fontsize=8, ncols=3, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.15))
     figure.savefig(file, dpi=_DPI, bbox_inches="tight", pad_inches=0.15)
@@ -74,11 +76,13 @@ def _draw_many_distances(
         rows = record.trajectory(robot.id)
         if len(rows) == 0:
             continue
-        to_area, exact = truth.area_clearance(rows[:, 1:3], rows[:, 0])
-        to_area, when = to_area[exact], rows[exact, 0]
-        curves[index] = np.interp(times, when, to_area, left=np.inf, right=np.inf)
-        low = int(np.argmin(to_area))
-        lowest = min(lowest, (float(to_area[low]), float(when[low]), robot.id))
+        distance, when = truth.clearance(rows[:, 1:3], rows[:, 0]), rows[:, 0]
+        if not scene.plans_globally:
+            distance, exact = truth.area_clearance(rows[:, 1:3], rows[:, 0])
+            distance, when = distance[exact], rows[exact, 0]
+        curves[index] = np.interp(times, when, distance, left=np.inf, right=np.inf)
+        low = int(np.argmin(distance))
+        lowest = min(lowest, (float(distance[low]), float(when[low]), robot.id))
     if look.crowd:
         draw_shares(axes, times, curves)
     for curve, colour in zip(curves, look.colours, strict=True) if look.named else ():
@@ -97,7 +101,7 @@ def _draw_distances(
 ) -> tuple[float, float]:
     """Draw the curves of one robot with their lowest points; return the least and greatest distance [m]."""
     to_obstacles = truth.clearance(rows[:, 1:3], rows[:, 0])
-    if scene.recorded:
+    if scene.recorded or scene.plans_globally:
         return _draw_curve(axes, rows[:, 0], to_obstacles, name, color=colour, linewidth=1.7)
     to_area, exact = truth.area_clearance(rows[:, 1:3], rows[:, 0])
     area = f"{name}: unoccupied area's boundary"

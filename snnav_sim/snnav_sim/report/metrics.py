@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import platform
+from collections import Counter
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
@@ -14,6 +15,7 @@ import shapely
 import snnav_core
 import snnav_sim
 from snnav_core.errors import PlanningError
+from snnav_core.planning.spacetime_problem import SpacetimePlan
 from snnav_core.types import StopReason
 from snnav_sim.report.optimum import shortest_path
 from snnav_sim.report.record import Decision, RunRecord
@@ -39,9 +41,11 @@ def compute_metrics(
     truth : GroundTruth, optional
         Of the same scene, when it is at hand.
     area : bool
-        Whether to measure the distance to the boundary of the true unoccupied area, which takes long among movers.
+        Whether to measure the distance to the boundary of the true unoccupied area, which takes long among movers. Never
+        with the global planner: it heeds bodies.
     """
     truth = truth or GroundTruth(scene)
+    area = area and not scene.plans_globally
     apart = separations(scene, record).least.min(axis=1, initial=math.inf)
     return {
         "scene": scene.name,
@@ -52,9 +56,38 @@ def compute_metrics(
             robot.id: _robot(robot, scene, record, truth, area, least)
             for robot, least in zip(scene.robots, apart.tolist(), strict=True)
         },
-        "planner": step_times(record.planner_seconds),
+        "planner": {**step_times(record.planner_seconds), **_planning(scene, record)},
         "fusion": step_times(record.fusion_seconds),
         "versions": {**library_versions(), **record.versions},
+    }
+
+
+def _planning(scene: Scene, record: RunRecord) -> dict[str, Any]:
+    """Return how long the steps took in which the global planner made plans, and how many it made."""
+    if not scene.plans_globally:
+        return {}
+    seconds = record.planner_seconds
+    steps = {round(time / scene.sampling_interval) for time, _ in record.plans}
+    took = [1e3 * seconds[step] for step in sorted(steps) if step < len(seconds)]
+    return {"plans": len(record.plans), "planning_ms": [_rounded(each) for each in took]}
+
+
+def _plans(scene: Scene, record: RunRecord, robot: str) -> dict[str, Any]:
+    """Return what is to be said of the plans of one robot, in order."""
+    if not scene.plans_globally:
+        return {}
+    return {"plans": [_plan(time, plan) for time, plan in record.plans_of(robot)]}
+
+
+def _plan(time: float, plan: SpacetimePlan) -> dict[str, Any]:
+    bound = None if plan.bound is None or not math.isfinite(plan.bound.time) else plan.bound.time
+    outcomes = Counter(candidate.outcome.value for candidate in plan.candidates)
+    return {
+        "time": time,
+        "travel_time": _rounded(plan.travel_time),
+        "candidates": dict(sorted(outcomes.items())),
+        "bound": _rounded(bound),
+        "gap": None if bound is None else round(plan.gap, 5),
     }
 
 
@@ -131,6 +164,7 @@ def _robot(
         if area_clearance is None
         else int(np.sum(area_clearance < scene.safety_margin)),
         "largest_turn_rate": float(np.abs(rows[:, 5]).max()),
+        **_plans(scene, record, robot.id),
     }
 
 

@@ -19,7 +19,7 @@ _REACH = 1.0  # [m]; how far beyond the margin distances are told along the moti
 
 @dataclass(frozen=True)
 class Separations:
-    """Distances from the centre of each robot to the nearest disk of another one.
+    """Distances from the centre of each robot to the nearest disk of another one, or to the nearest centre.
 
     Parameters
     ----------
@@ -51,6 +51,8 @@ def separations(scene: Scene, record: RunRecord) -> Separations:
 
     Notes
     -----
+    With the global planner distances are those between centres (Ch. 2, third simulation).
+
     Between two samples a robot drives an arc: its chords are taken, and what the arc may be nearer is taken off (less
     than 0.1 mm at usual turn rates). Where the disk of the other is farther away than the margin and 1 m, distances are
     those at the sample.
@@ -70,7 +72,7 @@ def separations(scene: Scene, record: RunRecord) -> Separations:
             between = ways[index, near] - ways[other, near]
             gap[near] = _approach(between) - bulges[index, near] - bulges[other, near]
             for one, two in ((index, other), (other, index)):
-                distance = gap - robots[two].radius
+                distance = gap if scene.plans_globally else gap - robots[two].radius
                 nearer = distance < least[one]
                 nearest[one, nearer] = two
                 np.fmin(least[one], distance, out=least[one])

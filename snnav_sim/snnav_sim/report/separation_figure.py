@@ -23,7 +23,7 @@ _SHOWN = 6.0  # times the safety margin; farther ones tell nothing
 
 
 def draw_separation(scene: Scene, apart: Separations, file: Path) -> None:
-    """Draw the distance from every robot's centre to the nearest disk of another one over time as a PNG."""
+    """Draw the distance from every robot's centre to the nearest disk, or centre, of another one over time as a PNG."""
     figure = Figure(figsize=(_WIDTH, 4.2), layout="constrained")
     axes = figure.add_subplot()
     look, margin = Look.of(scene), scene.safety_margin
@@ -44,7 +44,8 @@ def draw_separation(scene: Scene, apart: Separations, file: Path) -> None:
     axes.grid(alpha=0.25, linewidth=0.5)
     axes.set_xlabel("time [s]")
     axes.set_ylabel("distance [m]")
-    title = f"{scene.name}: distance from each robot's centre to the nearest disk of another robot"
+    what = "centre" if scene.plans_globally else "disk"
+    title = f"{scene.name}: distance from each robot's centre to the nearest {what} of another robot"
     axes.set_title(title, loc="left", fontsize=11)
     handles, labels = axes.get_legend_handles_labels()
     if look.named:

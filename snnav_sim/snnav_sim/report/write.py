@@ -113,6 +113,7 @@ def _draw(directory: Path, scene: Scene, record: RunRecord, truth: GroundTruth) 
     from snnav_sim.report.decisions_figure import draw_decisions
     from snnav_sim.report.figures import draw_scene
     from snnav_sim.report.moment import Moments
+    from snnav_sim.report.plan_figures import draw_candidates, draw_spacetime
     from snnav_sim.report.separation_figure import draw_separation
     from snnav_sim.report.snapshots import draw_snapshots
 
@@ -123,6 +124,9 @@ def _draw(directory: Path, scene: Scene, record: RunRecord, truth: GroundTruth) 
     draw_decisions(scene, record, directory / "decisions.png")
     if len(scene.robots) > 1:
         draw_separation(scene, separations(scene, record), directory / "separation.png")
+    if record.plans:
+        draw_candidates(scene, record, truth, directory / "candidates.png")
+        draw_spacetime(scene, record, directory / "spacetime.png")
     moments = Moments(scene, record, truth)
     draw_snapshots(scene, truth, moments, directory / "snapshots.png")
     draw_animation(scene, truth, moments, directory / "animation.gif")
