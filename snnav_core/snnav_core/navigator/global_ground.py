@@ -80,10 +80,10 @@ class GlobalNavigator:
 
     Notes
     -----
-    What is promised: while bodies keep their velocities within the deviations that they were measured with, a
-    robot that drives keeps the safety margin from them. A body that changes its velocity is noticed at the next decision; until
-    then, and no longer, the margin can be missed by what the body has moved otherwise meanwhile. Then the robot has
-    another certified path, or stands. A robot that stands is not moved out of the way of what comes to it.
+    What is promised: while bodies keep their velocities within the deviations that they were measured with, a robot
+    that drives keeps the safety margin from them. A body that changes its velocity is noticed at the next decision;
+    until then, and no longer, the margin can be missed by what the body has moved otherwise meanwhile. Then the robot
+    has another certified path, or stands. A robot that stands is not moved out of the way of what comes to it.
     """
 
     def __init__(

@@ -41,8 +41,8 @@ def compute_metrics(
     truth : GroundTruth, optional
         Of the same scene, when it is at hand.
     area : bool
-        Whether to measure the distance to the boundary of the true unoccupied area, which takes long among movers. Never
-        with the global planner: it heeds bodies.
+        Whether to measure the distance to the boundary of the true unoccupied area, which takes long among movers.
+        Never with the global planner: it heeds bodies.
     """
     truth = truth or GroundTruth(scene)
     area = area and not scene.plans_globally
