@@ -102,6 +102,6 @@ class _Curve:
         stations = begin + self.link * np.arange(count + 1)
         if self.length - float(stations[-1]) > _SHORTEST:
             stations = np.append(stations, self.length)
-        points = self.at(stations)
+        points = self.at(np.asarray(stations, dtype=np.float64))
         points[-1] = self._points[-1]
         return TimedPath(time, self._step, points)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
@@ -14,8 +14,6 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from mpl_toolkits.mplot3d import Axes3D
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from shapely.geometry.base import BaseGeometry
 
 from snnav_core.planning.spacetime_problem import Candidate, CandidateOutcome, SpacetimePlan
@@ -34,7 +32,7 @@ _DPI = 110
 _CHOSEN, _REACHED = robot_colour(0), [robot_colour(index) for index in range(1, 7)]
 _OTHER = "#8a8a8a"
 _GHOSTS = 5
-_SLICES = 24  # of a body that moves, in X-Y-T
+_SLICES = 40  # of a body that does not move uniformly, in X-Y-T
 _LISTED = 8  # candidates in a legend
 _SIDES = 24  # of a disk in X-Y-T
 
@@ -143,13 +141,12 @@ def draw_spacetime(scene: Scene, record: RunRecord, file: Path) -> None:
     plans = _first_plans(scene, record)
     begin, end = _span(plans)
     figure = Figure(figsize=(_WIDTH, 8.5), layout="constrained")
-    axes = figure.add_subplot(projection="3d")
-    assert isinstance(axes, Axes3D)
+    axes: Any = figure.add_subplot(projection="3d")
     for shape in scene.obstacles:
         ring = _ring(solid(shape))
         _column(axes, ring, np.zeros((2, 2)), np.array((begin, end)), SOLID, 0.18)
-    times = np.linspace(begin, end, _SLICES)
     for mover in scene.movers:
+        times = np.linspace(begin, end, _SLICES if mover.start is None else 2)
         _column(axes, _ring(solid(mover.shape)), mover_positions(mover, times), times, MOVER, 0.22)
     look = Look.of(scene)
     colours = {robot.id: colour for robot, colour in zip(scene.robots, look.colours, strict=True)}
@@ -219,7 +216,7 @@ def _legend(scene: Scene, plans: Sequence[SpacetimePlan]) -> list[Line2D | Patch
 
 def _ring(region: BaseGeometry) -> FloatArray:
     """Outline (N, 2) [m], the first vertex repeated, with no more vertices than a picture needs."""
-    ring = shapely.get_coordinates(shapely.get_parts(region)[0].exterior)
+    ring: FloatArray = shapely.get_coordinates(shapely.get_parts(region)[0].exterior)
     if len(ring) > 2 * _SIDES:
         ring = ring[:: math.ceil(len(ring) / _SIDES)]
         ring = np.vstack((ring, ring[:1]))
@@ -227,24 +224,11 @@ def _ring(region: BaseGeometry) -> FloatArray:
 
 
 def _column(
-    axes: Axes3D, ring: FloatArray, shifts: FloatArray, times: FloatArray, colour: str, alpha: float
+    axes: Any, ring: FloatArray, shifts: FloatArray, times: FloatArray, colour: str, alpha: float
 ) -> None:
-    """Draw what an outline sweeps over in X-Y-T: side faces between the times, and both ends."""
-    levels = [
-        np.column_stack((ring + shift, np.full(len(ring), time)))
-        for shift, time in zip(shifts, times, strict=True)
-    ]
-    bottom, top = levels[0], levels[-1]
-    sides = [np.array((bottom[k], bottom[k + 1], top[k + 1], top[k])) for k in range(len(ring) - 1)]
-    if len(levels) > 2 and not np.allclose(np.diff(shifts, 2, axis=0), 0.0, atol=1e-9):
-        sides = [
-            np.array((low[k], low[k + 1], high[k + 1], high[k]))
-            for low, high in itertools.pairwise(levels)
-            for k in range(len(ring) - 1)
-        ]
-    faces = Poly3DCollection(
-        [*sides, bottom, top], facecolor=to_rgba(colour, alpha), edgecolor="none", linewidth=0
-    )
-    axes.add_collection3d(faces)
-    for level in (bottom, top):
-        axes.plot(*level.T, color=colour, linewidth=0.7, alpha=0.8)
+    """Draw what an outline sweeps over in X-Y-T: its side, and the rims at both ends."""
+    x, y = (ring[:, axis] + shifts[:, axis, None] for axis in range(2))
+    z = np.broadcast_to(times[:, None], x.shape)
+    axes.plot_surface(x, y, z, color=colour, alpha=alpha, rstride=1, cstride=1, shade=False, linewidth=0)
+    for level in (0, -1):
+        axes.plot(x[level], y[level], z[level], color=colour, linewidth=0.8, alpha=0.9)
