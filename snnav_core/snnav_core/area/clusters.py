@@ -32,7 +32,7 @@ def cluster_returns(
         What each hit is known to belong to, -1 where nothing is known. Hits with different labels are never linked
         directly: bodies that come near to each other stay apart.
     arrived : ndarray of bool, shape (K,)
-        Whether it was free there before.
+        Whether the same beams looked farther shortly before.
     leg_distance : float
         Two hits that have arrived belong to one body up to this distance [m], whatever their labels, ...
     apart : ndarray of bool, shape (L,)

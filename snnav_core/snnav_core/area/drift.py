@@ -37,7 +37,9 @@ class BodySample:
         [s]
     spacing : ndarray, shape (n,)
         Distance between neighbouring beams there [m].
-    sensors : ndarray of int, shape (n,)
+    sensors, beams : ndarray of int, shape (n,)
+    ranges : ndarray, shape (n,)
+        Distance from the sensor [m].
     """
 
     taken: float
@@ -46,6 +48,8 @@ class BodySample:
     times: FloatArray
     spacing: FloatArray
     sensors: NDArray[np.int64]
+    beams: NDArray[np.int64]
+    ranges: FloatArray
 
     def thinned(self) -> BodySample:
         """So few hits, evenly chosen, that fits stay cheap."""
@@ -63,6 +67,8 @@ class BodySample:
             self.times[chosen],
             self.spacing[chosen],
             self.sensors[chosen],
+            self.beams[chosen],
+            self.ranges[chosen],
         )
 
     def joined(self, other: BodySample) -> BodySample:
@@ -74,6 +80,8 @@ class BodySample:
             np.concatenate((self.times, other.times)),
             np.concatenate((self.spacing, other.spacing)),
             np.concatenate((self.sensors, other.sensors)),
+            np.concatenate((self.beams, other.beams)),
+            np.concatenate((self.ranges, other.ranges)),
         )
 
 
@@ -84,6 +92,11 @@ class Drift:
     velocity: FloatArray
     covariance: FloatArray
     agreement: float
+
+    @property
+    def rigid(self) -> bool:
+        """Whether the body keeps its shape, as far as it was seen."""
+        return self.agreement >= _RIGID
 
     @property
     def deviation(self) -> float:

@@ -87,10 +87,15 @@ class FusedReturns:
         return int(self.points.shape[0])
 
     @cached_property
+    def ranges(self) -> FloatArray:
+        """Distance of each point from its sensor [m], shape (K,)."""
+        distance: FloatArray = np.hypot(*(self.points - self.origins[self.sensors]).T)
+        return distance
+
+    @cached_property
     def spacing(self) -> FloatArray:
         """Distance to the next beam, square to the beam, at each point [m], shape (K,)."""
-        distance: FloatArray = np.hypot(*(self.points - self.origins[self.sensors]).T)
-        return distance * self.increments[self.sensors]
+        return self.ranges * self.increments[self.sensors]
 
     @cached_property
     def surfaces(self) -> NDArray[np.int64]:

@@ -52,6 +52,11 @@ class Track:
         return self.standing_deviation if self.drift is None or not self.moving else self.drift.deviation
 
     @property
+    def walks(self) -> bool:
+        """Whether it moves and changes its shape, as the legs of somebody do."""
+        return self.moving and self.drift is not None and not self.drift.rigid
+
+    @property
     def extent(self) -> float:
         """Diagonal of the box around the last hits [m]."""
         return float(np.hypot(*np.ptp(self.samples[-1].points, axis=0)))

@@ -25,7 +25,7 @@ class TrackerSettings:
     link_distance : float
         Hits nearer to each other than this belong to one body [m].
     leg_distance : float
-        The same for hits where it was free within the window: the two legs of somebody who walks [m].
+        The same for hits that have arrived within the window: the two legs of somebody who walks [m].
     largest_body : float
         What extends farther is no body that moves [m].
     least_points : int
@@ -37,7 +37,8 @@ class TrackerSettings:
     confidence : float
         A body moves when its velocity is more than so many standard deviations.
     free_depth : float
-        A hit farther inside of what was free before than this is a sign of motion [m].
+        A hit farther than this in front of what the same beams measured within the window, or behind which they look
+        now, is a sign of motion [m].
     least_evidence : int
         So many such signs make a body move.
     range_noise : float

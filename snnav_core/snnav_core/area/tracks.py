@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 
 import numpy as np
 import shapely
@@ -17,6 +16,7 @@ from snnav_core.area.explained import build_scene
 from snnav_core.area.overlay import intersection
 from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.area.returns import FusedReturns
+from snnav_core.area.sightings import Sightings
 from snnav_core.area.track import Track
 from snnav_core.area.tracker_settings import TrackedScene, TrackerSettings
 from snnav_core.errors import InvalidInput
@@ -40,7 +40,7 @@ class ObstacleTracker:
 
     Notes
     -----
-    A body moves when two things come together: it appears where it was free before or leaves free what it covered,
+    A body moves when two things come together: beams meet it that looked farther before, or look past where it was,
     and its velocity is significant. All else stands, and what no body explains is not free.
     """
 
@@ -51,7 +51,7 @@ class ObstacleTracker:
     def reset(self) -> None:
         """Forget everything, as after a jump of time."""
         self.tracks: list[Track] = []
-        self._areas: deque[UnoccupiedArea] = deque()
+        self._sightings = Sightings(self.settings.window, self.settings.free_depth)
         self._known: dict[int, float] = {}
         self._count = 0
         self._time = -math.inf
@@ -83,24 +83,21 @@ class ObstacleTracker:
             )
         self._time = time
         labels, gaps = self._labels(returns)
-        evidence = self._entered(returns)
-        moving = np.array([track.moving for track in self.tracks], dtype=np.bool_)
+        evidence = self._sightings.take(time, returns)
+        apart = np.array([track.moving and not track.walks for track in self.tracks], dtype=np.bool_)
         clusters = cluster_returns(
-            returns, self.settings.link_distance, labels, evidence, self.settings.leg_distance, moving
+            returns, self.settings.link_distance, labels, evidence, self.settings.leg_distance, apart
         )
         fresh = self._fresh(returns)
-        owners = self._match(clusters, labels, gaps)
+        owners = self._match(clusters, labels, gaps, evidence)
         for track in dict.fromkeys(owners.values()):
             own = np.isin(clusters, [cluster for cluster, owner in owners.items() if owner is track])
             track.seen = time
             if (own & fresh).any():
                 self._extend(track, returns, own & fresh)
-                self._judge(track, int((own & evidence).sum()) + self._left(track, area))
+                self._judge(track, int((own & evidence).sum()) + self._left(track))
         self._join(area)
         self.tracks = [track for track in self.tracks if time - track.seen <= self.settings.patience]
-        self._areas.append(area)
-        while time - self._areas[0].stamp > self.settings.window:
-            self._areas.popleft()
         owned = np.isin(clusters, [cluster for cluster, track in owners.items() if track.moving])
         return build_scene(time, area, returns, owned, self.tracks, self.settings)
 
@@ -127,30 +124,51 @@ class ObstacleTracker:
     def _gate(self, track: Track) -> float:
         passed = self._time - float(track.samples[-1].times.max())
         speed = min(2.0 * track.deviation, self.settings.top_speed)
-        return _NEAR + passed * speed
+        return (self.settings.leg_distance if track.walks else _NEAR) + passed * speed
 
     def _match(
-        self, clusters: NDArray[np.int64], labels: NDArray[np.int64], shares: FloatArray
+        self,
+        clusters: NDArray[np.int64],
+        labels: NDArray[np.int64],
+        shares: FloatArray,
+        evidence: NDArray[np.bool_],
     ) -> dict[int, Track]:
         """Give every cluster its track; clusters without one start a track if they are large enough."""
         sizes = np.bincount(clusters) if len(clusters) else np.zeros(0, dtype=np.int64)
+        arrived = np.bincount(clusters, weights=evidence) if len(clusters) else np.zeros(0)
         votes = np.zeros((len(sizes), len(self.tracks)))
         known = labels >= 0
         np.add.at(votes, (clusters[known], labels[known]), 1.0 - shares[known])
         rows, columns = linear_sum_assignment(votes, maximize=True)
         tracks = list(self.tracks)
         owners = {int(r): tracks[c] for r, c in zip(rows, columns, strict=True) if votes[r, c] > 0.0}
+        self._absorb_legs(votes, tracks, owners)
         for cluster in np.flatnonzero(sizes >= self.settings.least_points).tolist():
             if cluster in owners:
                 continue
-            best = int(votes[cluster].argmax()) if tracks else 0
-            if tracks and tracks[best].moving and votes[cluster, best] > _FRAGMENT * sizes[cluster]:
-                owners[cluster] = tracks[best]
+            best = tracks[int(votes[cluster].argmax())] if tracks else None
+            least = _FRAGMENT * sizes[cluster]
+            if best is not None and best.moving and votes[cluster].max() > least:
+                is_part = not best.walks or arrived[cluster] > least
+            else:
+                is_part = False
+            if best is not None and is_part:
+                owners[cluster] = best
                 continue
             self._count += 1
             owners[cluster] = Track(f"body_{self._count}")
             self.tracks.append(owners[cluster])
         return owners
+
+    def _absorb_legs(self, votes: FloatArray, tracks: list[Track], owners: dict[int, Track]) -> None:
+        """Make one of tracks whose hits are one cluster now, that of somebody who walks."""
+        left = [track for track in tracks if track not in owners.values()]
+        for track in left:
+            column = votes[:, tracks.index(track)]
+            owner = owners.get(int(column.argmax())) if column.any() else None
+            if owner is not None and owner.walks and (track.walks or not track.moving):
+                owner.absorb(track)
+                self.tracks.remove(track)
 
     def _fresh(self, returns: FusedReturns) -> NDArray[np.bool_]:
         """Whether hits belong to a scan that was not there at the last update."""
@@ -162,20 +180,10 @@ class ObstacleTracker:
             self._known[sensor] = stamp
         return fresh
 
-    def _entered(self, returns: FusedReturns) -> NDArray[np.bool_]:
-        """Whether hits lie where it was free within the window."""
-        entered = np.zeros(len(returns), dtype=np.bool_)
-        for area in self._areas:
-            if len(returns) and not area.region.is_empty:
-                entered |= area.clearance_field.query(returns.points)[0] > self.settings.free_depth
-        return entered
-
-    def _left(self, track: Track, area: UnoccupiedArea) -> int:
-        """Number of hits on a body at the start of the window that lie where it is free now."""
-        if len(track.samples) < 2 or area.region.is_empty:
-            return 0
-        depth, _ = area.clearance_field.query(track.samples[0].points)
-        return int((depth > self.settings.free_depth).sum())
+    def _left(self, track: Track) -> int:
+        """Number of hits on a body at the start of the window through which sensors look now."""
+        first = track.samples[0]
+        return self._sightings.left(first.sensors, first.beams, first.ranges) if len(track.samples) > 1 else 0
 
     def _extend(self, track: Track, returns: FusedReturns, own: NDArray[np.bool_]) -> None:
         sample = BodySample(
@@ -185,6 +193,8 @@ class ObstacleTracker:
             returns.times[own],
             returns.spacing[own],
             returns.sensors[own],
+            returns.beams[own],
+            returns.ranges[own],
         )
         track.take(sample, self.settings.window)
 

@@ -10,7 +10,14 @@ from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
 
-from snnav_ros.bag.settings import POSE_TOPIC, SCAN_TOPIC, EvaluationSettings, NetworkSettings, ReplaySettings
+from snnav_ros.bag.settings import (
+    POSE_TOPIC,
+    SCAN_TOPIC,
+    EvaluationSettings,
+    NetworkSettings,
+    ReplaySettings,
+    TracksSettings,
+)
 
 __all__ = ["add_parser"]
 
@@ -21,6 +28,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     _add_network(subparsers)
     _add_evaluation(subparsers)
     _add_replay(subparsers)
+    _add_tracks(subparsers)
     _add_windows(subparsers)
 
 
@@ -205,6 +213,41 @@ def _add_replay(subparsers: argparse._SubParsersAction[argparse.ArgumentParser])
     parser.add_argument("--out", metavar="DIR", type=Path, help="run directory (default: runs/BAG-DATE-TIME)")
     parser.add_argument("--no-figures", action="store_true", help="draw nothing")
     parser.set_defaults(func=_deferred("run_replay"), control_period=defaults["control_period"])
+
+
+def _add_tracks(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    defaults = {field.name: field.default for field in fields(TracksSettings)}
+    parser = subparsers.add_parser(
+        "tracks",
+        help="track whoever moves in recorded scans",
+        description="Feed the scans of a recording at their own time to the fusion and follow the bodies that move: "
+        "where they are, how fast they are, and how sure that is.",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    parser.add_argument("bag", metavar="BAG", type=Path, help="ROS 1 .bag, rosbag2 directory, .mcap or .db3")
+    parser.add_argument(
+        "--sensors",
+        metavar="FILE",
+        type=Path,
+        required=True,
+        default=argparse.SUPPRESS,
+        help="topics and poses, YAML or JSON",
+    )
+    for flag, name, text in (
+        ("--interval", "sampling_interval", "between two measurements [s]"),
+        ("--window", "window", "a velocity is fitted to so long [s]"),
+        ("--top-speed", "top_speed", "nobody is faster [m/s]"),
+        ("--range-noise", "range_noise", "standard deviation of a range [m]"),
+        ("--free-depth", "free_depth", "deeper in what was free before, a return is a sign of motion [m]"),
+    ):
+        parser.add_argument(flag, dest=name, type=_number(0.0, above=True), default=defaults[name], help=text)
+    parser.add_argument("--start", type=_number(0.0), default=0.0, help="from the start of the recording [s]")
+    parser.add_argument("--duration", type=_number(0.0, above=True), help="so much of it [s] (default: all)")
+    parser.add_argument(
+        "--out", metavar="DIR", type=Path, help="directory of results (default: runs/BAG-tracks)"
+    )
+    parser.add_argument("--no-figures", action="store_true", help="draw nothing")
+    parser.set_defaults(func=_deferred("run_tracks"))
 
 
 def _add_windows(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -6,7 +6,14 @@ from dataclasses import dataclass, field
 
 from snnav_core.errors import InvalidInput
 
-__all__ = ["POSE_TOPIC", "SCAN_TOPIC", "EvaluationSettings", "NetworkSettings", "ReplaySettings"]
+__all__ = [
+    "POSE_TOPIC",
+    "SCAN_TOPIC",
+    "EvaluationSettings",
+    "NetworkSettings",
+    "ReplaySettings",
+    "TracksSettings",
+]
 
 SCAN_TOPIC, POSE_TOPIC = "scan", "pose"
 
@@ -97,3 +104,29 @@ class ReplaySettings:
     def ticks_per_sample(self) -> int:
         """Number of control periods in a sampling interval."""
         return round(self.sampling_interval / self.control_period)
+
+
+@dataclass(frozen=True, slots=True)
+class TracksSettings:
+    """How bodies are tracked in a recording; lengths in m, times in s.
+
+    Parameters
+    ----------
+    sampling_interval : float
+        Between two fused measurements.
+    window : float
+        A velocity is fitted to the measurements of so long.
+    top_speed : float
+        Nobody is faster [m/s].
+    range_noise : float
+        Standard deviation of a range; real scanners are worse than the LMS-200 of the simulation.
+    free_depth : float
+        A return farther than this inside of what was free before is a sign of motion: more than noise and errors of
+        the poses together.
+    """
+
+    sampling_interval: float = 0.3
+    window: float = 1.5
+    top_speed: float = 2.0
+    range_noise: float = 0.01
+    free_depth: float = 0.1

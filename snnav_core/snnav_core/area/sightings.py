@@ -1,0 +1,80 @@
+"""What beams measured lately: a hit far in front of that has arrived, one that beams now pass by has left."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
+
+from snnav_core.area.returns import FusedReturns
+from snnav_core.types import FloatArray
+
+__all__ = ["Sightings"]
+
+_SIDE_BEAMS = 2  # on either side that must agree: single ones flicker at edges
+_Reach = dict[
+    int, FloatArray
+]  # sensor -> how far it looked along every beam at least, inf without a return [m]
+
+
+class Sightings:
+    """Ranges of all sensors within a window of time, beam by beam.
+
+    Parameters
+    ----------
+    window : float
+        [s]
+    depth : float
+        Less than this in front of what was measured before, a hit may be noise [m].
+
+    Notes
+    -----
+    A beam without return counts as one that looked far: this tells motion, never free space.
+    """
+
+    def __init__(self, window: float, depth: float) -> None:
+        self._window, self._depth = window, depth
+        self._past: deque[tuple[float, _Reach]] = deque()
+        self._now: _Reach = {}
+
+    def take(self, time: float, returns: FusedReturns) -> NDArray[np.bool_]:
+        """Add a measurement [s] and return whether each hit has arrived within the window, shape (K,)."""
+        while self._past and time - self._past[0][0] > self._window:
+            self._past.popleft()
+        ranges = returns.ranges
+        arrived = np.zeros(len(returns), dtype=np.bool_)
+        self._now = {}
+        for sensor in np.unique(returns.sensors).tolist():
+            own = returns.sensors == sensor
+            beams = returns.beams[own]
+            arrived[own] = self._is_before(sensor, beams, ranges[own])
+            reach = np.full(int(beams.max()) + 1, np.inf)
+            reach[beams] = ranges[own]
+            size = 2 * _SIDE_BEAMS + 1
+            self._now[sensor] = minimum_filter1d(reach, size, mode="constant", cval=np.inf)
+        self._past.append((time, self._now))
+        return arrived
+
+    def left(self, sensors: NDArray[np.int64], beams: NDArray[np.int64], ranges: FloatArray) -> int:
+        """How many former hits, by sensor, beam and range [m], the latest measurement looks through; shapes (n,)."""
+        count = 0
+        for sensor in np.unique(sensors).tolist():
+            if sensor in self._now:
+                own = sensors == sensor
+                reach = _at(self._now[sensor], beams[own])
+                count += int((reach > ranges[own] + self._depth).sum())
+        return count
+
+    def _is_before(self, sensor: int, beams: NDArray[np.int64], ranges: FloatArray) -> NDArray[np.bool_]:
+        farthest = np.zeros(len(beams))
+        for _, reach in self._past:
+            if sensor in reach:
+                farthest = np.maximum(farthest, _at(reach[sensor], beams))
+        return np.asarray(farthest > ranges + self._depth)
+
+
+def _at(reach: FloatArray, beams: NDArray[np.int64]) -> FloatArray:
+    inside = beams < len(reach)
+    return np.where(inside, reach[np.where(inside, beams, 0)], np.inf)
