@@ -28,6 +28,7 @@ _NEAR = 0.1  # [m]; a hit is where the body was expected
 _FRAGMENT = 0.5  # share of its hits that lie where a moving body is expected: a part of it
 _SAME_WAY = 2.0  # velocities that differ by less, in deviations, are the same
 _STAYS_MOVING = 0.5  # share of the confidence at which a body that moved counts as moving still
+_OVERSHOOT = 1.25  # times the top speed: an estimate may be above it
 _SAME_TIME = 1e-6  # [s]
 
 
@@ -210,7 +211,10 @@ class ObstacleTracker:
             track.drift = drift = fit_drift(track.chosen_samples(), settings.range_noise, guess)
             needed = settings.confidence * (_STAYS_MOVING if track.moving else 1.0)
             speed = float(np.hypot(*drift.velocity))
-            track.moving = drift.significance > needed and settings.least_speed < speed <= settings.top_speed
+            track.moving = (
+                drift.significance > needed
+                and settings.least_speed < speed <= _OVERSHOOT * settings.top_speed
+            )
             track.standing_deviation = max(settings.least_speed, drift.deviation)
 
     def _join(self, area: UnoccupiedArea) -> None:
