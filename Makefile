@@ -27,8 +27,8 @@ format: ## put the sources into the form that lint asks for
 	@$(VENV) ruff check --fix .
 	@$(VENV) ruff format .
 
-bench: ## measure against peers: OMPL, plain shapely, ir-sim, ORCA (installs them into .venv)
-	@$(VENV) --bench python tests/bench
+bench: ## measure against peers: OMPL, plain shapely, ir-sim, ORCA (installs them into .venv); one of them: BENCH=word of its title
+	@$(VENV) --bench python tests/bench $(BENCH)
 
 venv: ## make .venv and nothing more
 	@$(VENV) true

@@ -43,6 +43,8 @@ class Drive:
     ----------
     seconds : ndarray
         Fusion and decision together, of every sampling interval [s]; the first one is apart from the others.
+    decisions : ndarray
+        The decision alone [s].
     factor : float
         Simulated time over the time that it took, simulation of scanners and bases included.
     parts : str
@@ -50,6 +52,7 @@ class Drive:
     """
 
     seconds: FloatArray
+    decisions: FloatArray
     factor: float
     parts: str
 
@@ -72,8 +75,9 @@ def drive(scene: Scene, steps: int, profiled: int = 0) -> Drive:
         for _ in range(profiled):
             interval()
     record = simulation.record
-    seconds = np.array(record.planner_seconds) + np.array(record.fusion_seconds)
-    return Drive(seconds[: steps + 1], factor, timer.shares())
+    decisions = np.array(record.planner_seconds)[: steps + 1]
+    seconds = decisions + np.array(record.fusion_seconds)[: steps + 1]
+    return Drive(seconds, decisions, factor, timer.shares())
 
 
 def rows() -> list[Row]:
@@ -86,7 +90,9 @@ def rows() -> list[Row]:
         result = drive(crowd(scene, count), steps, PROFILED if limited else 0)
         first, later = float(result.seconds[0]), result.seconds[1:]
         median, high = np.percentile(later, (50, 99)).tolist()
+        alone = np.percentile(result.decisions[1:], (50, 99))
         text = f"p50 {1e3 * median:.0f} ms, p99 {1e3 * high:.0f} ms; {1e3 * median / count:.1f} ms each"
+        text += f"; decision alone {1e3 * alone[0]:.0f} and {1e3 * alone[1]:.0f} ms"
         found.append(
             Row(
                 f"{count} robots, {steps} steps (first one {1e3 * first:.0f} ms)",

@@ -158,9 +158,12 @@ class UnoccupiedArea:
         twin.__dict__["clearance_field"] = self.clearance_field
         return twin
 
-    def clearance(self, points: FloatArray) -> FloatArray:
-        """Signed distance of points (N, 2) [m, map] to the boundary of the area [m]; negative outside."""
-        return self.clearance_field.query(points)[0]
+    def clearance(self, points: FloatArray, limit: float = math.inf) -> FloatArray:
+        """Signed distance of points (N, 2) [m, map] to the boundary of the area [m]; negative outside.
+
+        Distances beyond the limit [m] need not be told apart, see `ClearanceField.query`.
+        """
+        return self.clearance_field.query(points, limit)[0]
 
     @property
     def is_empty(self) -> bool:

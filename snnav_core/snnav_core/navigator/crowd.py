@@ -95,12 +95,7 @@ class Crowd(Traffic):
         """Robots that will go on and can be met within the window."""
         centres, demanded = self._disks
         met = self.gaps - self.own_reach - self._reach <= demanded.max(axis=1)
-        return [
-            DiskBarrier(
-                np.vstack((centres[index], centres[index, -1:])), np.append(demanded[index], -math.inf)
-            )
-            for index in np.flatnonzero(met & ~self._stay)
-        ]
+        return _ending(centres[met & ~self._stay], demanded[met & ~self._stay])
 
     @cached_property
     def own_reach(self) -> float:
@@ -138,15 +133,23 @@ class Crowd(Traffic):
         distances, settings = self._distances, self._settings
         times = self.time + distances.step * np.arange(1, distances.parts + 1, dtype=np.float64)
         near = self.gaps < self.radii + settings.safety_margin + 3.0 * distances.stride
-        barriers = []
+        who, centres = [], []
         for index in np.flatnonzero(near & ~self.stands):
-            other = self[int(index)]
-            for stopped in stops_within(other.path, self.time, self.time + settings.sampling_interval):
-                centres = stopped.positions_at(times)[:, :2]
-                demanded = self._demanded(centres[None], self.radii[[index]], self.gaps[[index]])[0]
-                last = np.append(demanded, -math.inf)
-                barriers.append(DiskBarrier(np.vstack((centres, centres[-1:])), last))
-        return barriers
+            path = self[int(index)].path
+            for stopped in stops_within(path, self.time, self.time + settings.sampling_interval):
+                who.append(index)
+                centres.append(stopped.positions_at(times)[:, :2])
+        if not who:
+            return []
+        together = np.array(centres)
+        return _ending(together, self._demanded(together, self.radii[who], self.gaps[who]))
+
+
+def _ending(centres: FloatArray, demanded: FloatArray) -> list[DiskBarrier]:
+    """Disks at places (O, K, 2) [m, map] that keep only p_1 .. p_K away, by distances (O, K) [m]."""
+    centres = np.concatenate((centres, centres[:, -1:]), axis=1)
+    demanded = np.concatenate((demanded, np.full((len(demanded), 1), -math.inf)), axis=1)
+    return [DiskBarrier(places, distances) for places, distances in zip(centres, demanded, strict=True)]
 
 
 class Turns:

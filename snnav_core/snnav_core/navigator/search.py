@@ -170,7 +170,8 @@ def _is_clear(
     along = np.concatenate(([0.0], np.cumsum(lengths)))
     stations = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / (0.5 * distances.link)) + 1))
     points = np.stack([np.interp(stations, along, polyline[:, axis]) for axis in range(2)], axis=-1)
-    clearance = context.area.clearance(points)
+    # Nothing more is needed; the chain starts inside and cannot get outside unnoticed.
+    clearance = context.area.clearance(points, route.distance + distances.link)
     index = np.minimum((stations / distances.link).astype(np.int64), len(demanded) - 1)
     # The reduced area was simplified: what follows its boundary is as much nearer at most. Chords take their share.
     needed = np.minimum(demanded[index], route.distance) - 0.5 * distances.link
