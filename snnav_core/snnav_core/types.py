@@ -219,6 +219,7 @@ class PathSource(Enum):
     )
     LAST_PATH = "last_path"  # the last certified path, followed inside its window
     EVASION = "evasion"  # out of the way of what comes nearer, while there is no safe way to the target
+    ROADMAP = "roadmap"  # a way through samples of the free space (Ch. 4, A1-A7), adjusted
     YIELD = "yield"  # out of the way of another robot, to wait there until that one has passed
     SPACETIME = "spacetime"  # the global planner of Ch. 2
 

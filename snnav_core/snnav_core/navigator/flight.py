@@ -1,0 +1,145 @@
+"""One decision step for flying robots: (free region, robots, goals) -> paths with certificates (Ch. 4)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from snnav_core.area.spatial import SpatialArea
+from snnav_core.errors import InvalidInput
+from snnav_core.flight_types import FlyerState
+from snnav_core.navigator.flight_planner import FlightPlanner
+from snnav_core.navigator.flight_settings import FlightSettings
+from snnav_core.planning.flight_certificate import OtherFlyer
+from snnav_core.types import FloatArray, PlannedPath, RobotSpec, StepResult, Stop, StopReason, TimedPath
+
+__all__ = ["FlightNavigator"]
+
+
+class FlightNavigator:
+    """Plans for every flying robot, one after the other, around the paths of all.
+
+    Parameters
+    ----------
+    robots : sequence of RobotSpec
+        In order of precedence.
+    settings : FlightSettings
+
+    Raises
+    ------
+    InvalidInput
+        If two robots have the same name, or settings and a robot do not agree.
+
+    Notes
+    -----
+    Deviations: robots not decided yet in this round are where their last path has them at the same time (C4-10); a
+    robot that was blocked for some steps goes first (C4-11); robots without a path hover, as spheres that stay.
+    """
+
+    def __init__(self, robots: Sequence[RobotSpec], settings: FlightSettings) -> None:
+        self.settings = settings
+        self._planners: dict[str, FlightPlanner] = {}
+        self._blocked: dict[str, int] = {}
+        for robot in robots:
+            self.add_robot(robot)
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """Names of the robots, by precedence."""
+        return tuple(self._planners)
+
+    def add_robot(self, robot: RobotSpec) -> None:
+        """Plan for one more robot, at the end of the order."""
+        if robot.id in self._planners:
+            raise InvalidInput(f"two robots are called {robot.id!r}")
+        self._planners[robot.id] = FlightPlanner(robot, self.settings, len(self._planners))
+        self._blocked[robot.id] = 0
+
+    def remove_robot(self, robot_id: str) -> None:
+        """Forget a robot that is no longer in the workspace."""
+        self._planners.pop(robot_id, None)
+        self._blocked.pop(robot_id, None)
+
+    def reset(self) -> None:
+        """Forget all paths."""
+        for planner in self._planners.values():
+            planner.reset()
+
+    def step(
+        self,
+        time: float,
+        area: SpatialArea | None,
+        states: Mapping[str, FlyerState],
+        goals: Mapping[str, FloatArray],
+    ) -> StepResult:
+        """Decide for all robots.
+
+        Parameters
+        ----------
+        time : float
+            Sampling instant [s].
+        area : SpatialArea or None
+            Free region at this time; None when there is none, and all robots are stopped.
+        states : mapping
+            Where the robots are; one that is missing gets no path.
+        goals : mapping
+            Targets (3,) [m, map].
+
+        Returns
+        -------
+        StepResult
+        """
+        decisions: dict[str, PlannedPath | Stop] = {}
+        for name in self._order():
+            planner = self._planners[name]
+            state, goal = states.get(name), goals.get(name)
+            stop = _missing(name, area, state, goal, time)
+            if stop is not None or area is None or state is None or goal is None:
+                planner.reset()
+                decisions[name] = stop or Stop(name, StopReason.NO_AREA, "no area")
+                continue
+            others = self._others(name, time, states)
+            decisions[name] = planner.decide(time, area, state, np.asarray(goal, dtype=np.float64), others)
+        for name, decision in decisions.items():
+            waits = isinstance(decision, Stop) and decision.reason in _WAITING
+            self._blocked[name] = self._blocked[name] + 1 if waits else 0
+        return StepResult(time, {name: decisions[name] for name in self._planners})
+
+    def _order(self) -> list[str]:
+        """Names by precedence; who was blocked for long comes first (C4-11)."""
+        patient = [name for name in self._planners if self._blocked[name] < self.settings.blocked_steps]
+        return [name for name in self._planners if name not in patient] + patient
+
+    def _others(self, name: str, time: float, states: Mapping[str, FlyerState]) -> list[OtherFlyer]:
+        """Where all other robots are going to be."""
+        others = []
+        for other, planner in self._planners.items():
+            if other == name or other not in states:
+                continue
+            path = planner.promised(time)
+            if path is None:
+                path = TimedPath(time, self.settings.sampling_interval, states[other].position[None])
+            others.append(OtherFlyer(other, planner.robot.radius, path))
+        return others
+
+
+_WAITING = (StopReason.NO_PATH, StopReason.BLOCKED_BY_ROBOT, StopReason.GOAL_UNREACHABLE)
+
+
+def _missing(
+    name: str, area: SpatialArea | None, state: FlyerState | None, goal: FloatArray | None, time: float
+) -> Stop | None:
+    """Why a robot cannot be planned for, if something is missing."""
+    if area is None:
+        return Stop(name, StopReason.NO_AREA, f"no free region is known at {time:.2f} s")
+    if state is None:
+        return Stop(name, StopReason.NO_STATE, f"position of robot {name} is unknown at {time:.2f} s")
+    if goal is None:
+        return Stop(name, StopReason.NO_GOAL, f"robot {name} has no target")
+    if np.shape(goal) != (3,) or not all(math.isfinite(value) for value in np.asarray(goal).tolist()):
+        return Stop(
+            name, StopReason.NO_GOAL, f"target {np.asarray(goal).tolist()} of robot {name} is no point"
+        )
+    return None

@@ -1,0 +1,132 @@
+"""Settings of the flight navigator, and the lengths that follow from them for one robot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from snnav_core.errors import InvalidInput
+from snnav_core.planning.adjustment import AdjustmentSettings
+from snnav_core.planning.certificate import CertificateSettings
+from snnav_core.planning.roadmap import RoadmapSettings
+from snnav_core.types import FloatArray, RobotSpec
+
+__all__ = ["FlightDistances", "FlightSettings"]
+
+
+@dataclass(frozen=True, slots=True)
+class FlightSettings:
+    """How the navigator of flying robots plans; SI units.
+
+    Parameters
+    ----------
+    sampling_interval : float
+        delta: time between two decisions [s].
+    safety_margin : float
+        d_s: from a robot's centre to the boundary of the free region and to other robots' spheres [m].
+    time_window : int
+        T: how long a path is proved safe, in sampling intervals.
+    boundary_speed : float
+        V_max: nothing that may move is faster [m/s].
+    tracking_tolerance : float
+        How far a robot may be off its path [m].
+    turn_radius_factor : float
+        Radius of the initial torus as a multiple of R_min (C0-9).
+    switch_gain : float
+        A new path replaces the last one only when it is shorter by this share (C4-7).
+    search_interval : int
+        A new roadmap is made every so many steps, and at once when the last path fails (C4-7).
+    blocked_steps : int
+        A robot without a path for so many steps goes first (C4-11).
+    arrival_distance : float or None
+        Distance to the target that counts as arrived [m]; None for the length of a link.
+    roadmap : RoadmapSettings
+    adjustment : AdjustmentSettings
+    seed : int
+        Of the samples: the same seed, the same paths.
+
+    Raises
+    ------
+    InvalidInput
+        If a number is out of its range.
+    """
+
+    sampling_interval: float
+    safety_margin: float
+    time_window: int = 6
+    boundary_speed: float = 0.0
+    tracking_tolerance: float = 0.01
+    turn_radius_factor: float = 1.1
+    switch_gain: float = 0.05
+    search_interval: int = 10
+    blocked_steps: int = 5
+    arrival_distance: float | None = None
+    roadmap: RoadmapSettings = field(default_factory=RoadmapSettings)
+    adjustment: AdjustmentSettings = field(default_factory=AdjustmentSettings)
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("sampling_interval", "safety_margin"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise InvalidInput(f"flight: {name} is {value}, must be a positive number")
+        for name in ("boundary_speed", "tracking_tolerance", "switch_gain"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise InvalidInput(f"flight: {name} is {value}, must be a number of at least 0")
+        for name in ("time_window", "search_interval", "blocked_steps"):
+            if getattr(self, name) < 1:
+                raise InvalidInput(f"flight: {name} is {getattr(self, name)}, must be a whole number >= 1")
+        if not self.turn_radius_factor >= 1.0:
+            raise InvalidInput(f"flight: turn_radius_factor is {self.turn_radius_factor}, must be at least 1")
+
+
+class FlightDistances:
+    """Lengths that follow from the settings for one robot.
+
+    Raises
+    ------
+    InvalidInput
+        If the robot is not faster than what moves, or the margin is below its radius or its turning radius (Ch. 4,
+        definition of the safety margin).
+    """
+
+    def __init__(self, robot: RobotSpec, settings: FlightSettings) -> None:
+        if settings.boundary_speed >= robot.speed:
+            raise InvalidInput(
+                f"boundary_speed {settings.boundary_speed} m/s must be below the speed {robot.speed} m/s of robot "
+                f"{robot.id}"
+            )
+        if settings.safety_margin < max(robot.radius, robot.min_turn_radius):
+            raise InvalidInput(
+                f"safety_margin {settings.safety_margin} m is below the radius {robot.radius} m or the turning radius "
+                f"{robot.min_turn_radius:.3f} m of robot {robot.id}"
+            )
+        self.settings = settings
+        self.certificate = CertificateSettings(
+            safety_margin=settings.safety_margin,
+            boundary_speed=settings.boundary_speed,
+            sampling_interval=settings.sampling_interval,
+            time_window=settings.time_window,
+            tracking_tolerance=settings.tracking_tolerance,
+        )
+        stride = robot.speed * settings.sampling_interval
+        self.parts = max(1, math.ceil(stride / min(0.5 * robot.min_turn_radius, 0.15) - 1e-9))
+        self.link = stride / self.parts
+        self.step = settings.sampling_interval / self.parts
+        self.torus = settings.turn_radius_factor * robot.min_turn_radius
+        self.arrival = settings.arrival_distance or self.link
+        self.window = settings.time_window * settings.sampling_interval
+        self.growth_per_metre = settings.boundary_speed / robot.speed
+
+    def planned(self, reserve: float) -> float:
+        """Distance that points are planned for [m]: d_s, tolerance, reserve, and the dip of a chord (C0-7)."""
+        distance = self.settings.safety_margin + self.settings.tracking_tolerance + reserve
+        return math.hypot(distance, 0.5 * self.link)
+
+    def growth(self, since: float) -> FloatArray:
+        """How far what may move can have come nearer at p_1 .. p_(T parts) [m], `since` [s] after the area."""
+        times = since + self.step * np.arange(1, self.settings.time_window * self.parts + 1)
+        return np.asarray(self.settings.boundary_speed * times)

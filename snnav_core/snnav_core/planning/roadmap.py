@@ -1,0 +1,215 @@
+"""Rough paths in space by a probabilistic roadmap (Ch. 4, A1-A7)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+
+from snnav_core.area.spatial import SpatialArea
+from snnav_core.types import FloatArray
+
+__all__ = ["Roadmap", "RoadmapSettings", "Spheres", "build_roadmap", "rough_path"]
+
+_SWEEP = 0.5  # edges are looked at every so many cells
+_NOBODY = np.empty((0, 4))
+
+Spheres = FloatArray
+"""Places to stay out of: centres [m, map] and radii [m], shape (K, 4)."""
+
+
+@dataclass(frozen=True, slots=True)
+class RoadmapSettings:
+    """How dense the roadmap is; neither number is given in the thesis (C4-6).
+
+    Parameters
+    ----------
+    samples : int
+        N_s.
+    neighbours : int
+        N_c.
+    attempts : int
+        When no path is found, the number of samples is doubled, up to so many roadmaps in all.
+    """
+
+    samples: int = 600
+    neighbours: int = 12
+    attempts: int = 3
+
+
+@dataclass(frozen=True)
+class Roadmap:
+    """Vertices in the reduced region and the valid edges between them.
+
+    Parameters
+    ----------
+    points : ndarray, shape (N, 3)
+        [m, map]
+    edges : ndarray of int, shape (E, 2)
+    lengths : ndarray, shape (E,)
+        [m]
+    distance, growth : float
+        What it was built for [m].
+    """
+
+    points: FloatArray
+    edges: NDArray[np.int64]
+    lengths: FloatArray
+    distance: float
+    growth: float
+
+
+def build_roadmap(
+    area: SpatialArea,
+    distance: float,
+    growth: float,
+    settings: RoadmapSettings,
+    rng: np.random.Generator,
+    spheres: Spheres = _NOBODY,
+) -> Roadmap:
+    """Sample the region R[A, d] and connect near samples (Ch. 4, A1-A3).
+
+    Parameters
+    ----------
+    area : SpatialArea
+    distance : float
+        Clearance of vertices and edges [m].
+    growth : float
+        How far what may move may have come nearer [m]: T delta V_max.
+    settings : RoadmapSettings
+    rng : numpy.random.Generator
+    spheres : ndarray, shape (K, 4)
+        Other robots, which are avoided as if they stood (C4-8).
+    """
+    cells = np.argwhere(area.reduced(distance, growth))
+    if len(cells) == 0:
+        return Roadmap(np.empty((0, 3)), np.empty((0, 2), dtype=np.int64), np.empty(0), distance, growth)
+    chosen = cells[rng.integers(len(cells), size=settings.samples)]
+    jitter = rng.uniform(-0.5, 0.5, (settings.samples, 3))
+    centres = area.grid.origin + area.grid.spacing * (chosen + 0.5)
+    points = centres + area.grid.spacing * jitter
+    kept = area.clearance_at(points, growth) >= distance
+    points = np.where(kept[:, None], points, centres)
+    points = points[_outside(points, spheres)]
+    if len(points) < 2:
+        return Roadmap(points, np.empty((0, 2), dtype=np.int64), np.empty(0), distance, growth)
+    count = min(settings.neighbours + 1, len(points))
+    _, near = cKDTree(points).query(points, k=count)
+    pairs = np.column_stack((np.repeat(np.arange(len(points)), count), np.asarray(near).ravel()))
+    pairs = np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)
+    valid = _clear(area, points[pairs[:, 0]], points[pairs[:, 1]], distance, growth, spheres)
+    edges = pairs[valid]
+    lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
+    return Roadmap(points, edges, lengths, distance, growth)
+
+
+def rough_path(
+    area: SpatialArea,
+    roadmap: Roadmap,
+    start: FloatArray,
+    goal: FloatArray,
+    growth_per_metre: float,
+    settings: RoadmapSettings,
+    spheres: Spheres = _NOBODY,
+) -> FloatArray | None:
+    """Shortest way from start to goal through a roadmap (Ch. 4, A4-A6).
+
+    Parameters
+    ----------
+    area : SpatialArea
+    roadmap : Roadmap
+    start, goal : ndarray, shape (3,)
+        [m, map]
+    growth_per_metre : float
+        V_max / v: how much nearer what moves may come per metre of way.
+    settings : RoadmapSettings
+    spheres : ndarray, shape (K, 4)
+
+    Returns
+    -------
+    ndarray, shape (M, 3), or None
+        Vertices of the way [m, map]; None when there is none in this roadmap.
+
+    Notes
+    -----
+    Deviations: edges at the start are tested with what can have moved until the robot is there, not with the whole
+    window, and the robot may stand nearer than the distance (C4-5); no cone at the start (C4-4); the direct edge from
+    start to goal is tried (C4-6).
+    """
+    vertices = np.vstack((roadmap.points, start, goal))
+    count = len(roadmap.points)
+    edges, lengths = [roadmap.edges], [roadmap.lengths]
+    for index, point, growing in ((count, start, True), (count + 1, goal, False)):
+        others = np.arange(count) if index == count else np.arange(count + 1)
+        if len(others) == 0:
+            continue
+        away = np.linalg.norm(vertices[others] - point, axis=1)
+        nearest = others[np.argsort(away, kind="stable")[: 4 * settings.neighbours]]
+        if index == count + 1 and count not in nearest:
+            nearest = np.append(nearest, count)
+        ends = vertices[nearest]
+        begins = np.repeat(point[None], len(nearest), axis=0)
+        from_start = growing | (nearest == count)
+        per_metre = np.where(from_start, growth_per_metre, math.inf)
+        if not growing:  # the direct edge starts at the start
+            begins[nearest == count], ends = start, np.where((nearest == count)[:, None], point, ends)
+        valid = _clear(area, begins, ends, roadmap.distance, roadmap.growth, spheres, per_metre)
+        good = nearest[valid]
+        edges.append(np.column_stack((np.full(len(good), index), good)))
+        lengths.append(np.linalg.norm(vertices[good] - point, axis=1))
+    pairs, weights = np.concatenate(edges), np.concatenate(lengths)
+    graph = csr_matrix((weights, (pairs[:, 0], pairs[:, 1])), shape=(count + 2, count + 2))
+    reached, before = dijkstra(graph, directed=False, indices=count, return_predecessors=True)
+    if not math.isfinite(reached[count + 1]):
+        return None
+    way = [count + 1]
+    while way[-1] != count:
+        way.append(int(before[way[-1]]))
+    return np.asarray(vertices[way[::-1]])
+
+
+def _outside(points: FloatArray, spheres: Spheres) -> NDArray[np.bool_]:
+    away = np.linalg.norm(points[:, None] - spheres[None, :, :3], axis=2)
+    return np.asarray((away > spheres[:, 3]).all(axis=1))
+
+
+def _clear(
+    area: SpatialArea,
+    begins: FloatArray,
+    ends: FloatArray,
+    distance: float,
+    growth: float,
+    spheres: Spheres,
+    growth_per_metre: FloatArray | None = None,
+) -> NDArray[np.bool_]:
+    """Whether edges (E, 3) to (E, 3) keep a distance, all swept at once; those that start near may leave."""
+    if len(begins) == 0:
+        return np.zeros(0, dtype=bool)
+    lengths = np.linalg.norm(ends - begins, axis=1)
+    counts = np.maximum(np.ceil(lengths / (_SWEEP * area.grid.spacing)).astype(np.int64), 1) + 1
+    edge = np.repeat(np.arange(len(begins)), counts)
+    step = np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)
+    share = step / (counts[edge] - 1)
+    points = begins[edge] + share[:, None] * (ends - begins)[edge]
+    demanded = np.full(len(points), distance)
+    grown = np.full(len(points), growth)
+    if growth_per_metre is not None:
+        along = share * lengths[edge]
+        finite = np.isfinite(growth_per_metre[edge])
+        per = np.where(finite, growth_per_metre[edge], 0.0)
+        grown = np.where(finite, np.minimum(growth, per * along), growth)
+        at_start = area.clearance_at(begins)[edge]
+        # A robot that stands too near leaves at least as fast as it flies: half of what it goes is gained.
+        demanded = np.where(finite, np.minimum(distance, at_start + 0.5 * along - 1e-3), distance)
+    bad = area.clearance_at(points, grown) < demanded
+    if len(spheres):
+        inside = ~_outside(points, spheres)
+        bad |= inside if growth_per_metre is None else inside & (share > 0.0)
+    failed = np.zeros(len(begins), dtype=bool)
+    failed[edge[bad]] = True
+    return ~failed
