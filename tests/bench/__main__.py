@@ -9,6 +9,7 @@ import area_bench
 import crowd_bench
 import lidar_bench
 import planning_bench
+import spacetime_bench
 import swap_bench
 from harness import Row
 from rich.console import Console
@@ -20,6 +21,7 @@ BENCHES = {
     "scanner: 361 beams against 200 segments": lidar_bench.rows,
     "fusion and decision for all robots, hall of 80 x 60 m, 40 scanners, delta 1 s": crowd_bench.rows,
     **swap_bench.benches(),
+    **spacetime_bench.benches(),
 }
 
 
