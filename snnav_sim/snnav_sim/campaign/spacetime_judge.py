@@ -36,7 +36,8 @@ class Judgement:
     reason : str
         Why there is no plan; empty when there is one.
     gap : float
-        Travel time above its lower bound, as a share of it; NaN without a plan.
+        Travel time above its lower bound, as a share of it; NaN without a plan. Of travel time and length over speed the
+        larger one counts.
     clearance : float
         Least distance from bodies and workspace at every 0.05 s [m]; infinite without a plan.
     clearance_between : float
@@ -75,7 +76,7 @@ def judge_case(case: SpacetimeCase, seed: int = 0) -> Judgement:
         return Judgement(feasible, f"{type(error).__name__}: {error}", seconds=spent)
     spent = clock.process_time() - begin
     sampled, least = true_clearance(problem, plan.path)
-    gap = plan.travel_time / bound.time - 1.0
+    gap = max(plan.travel_time, plan.path.length / problem.robot.speed) / bound.time - 1.0
     return Judgement(feasible, "", gap, sampled, least, len(plan.candidates), spent)
 
 
