@@ -131,23 +131,33 @@ def ompl_run(problem: SpacetimeProblem, seed: int, enough: float) -> tuple[float
     The wheel has the space of states, but not ST-RRT*. Cost is time; sight is tested exactly by a compiled function,
     called through Python as all validators of the binding are.
     """
-    from ompl import base, geometric, util
+    from ompl import base, util
 
     util.setLogLevel(util.LogLevel.LOG_NONE)
     util.RNG.setSeed(seed)
     disks = np.array([[*body.outline[0], *body.velocity, body.radius + MARGIN] for body in problem.obstacles])
-    goal, longest = (
-        problem.target,
-        PEER_LONGEST * math.dist(problem.start.position, problem.target) / ROBOT.speed,
-    )
+    longest = PEER_LONGEST * math.dist(problem.start.position, problem.target) / ROBOT.speed
     plane = base.RealVectorStateSpace(2)
     bounds = base.RealVectorBounds(2)
-    for axis, (low, high) in enumerate(((-4.0, goal[0] + 4.0), (-8.0, 8.0))):
+    for axis, (low, high) in enumerate(((-4.0, problem.target[0] + 4.0), (-8.0, 8.0))):
         bounds.setLow(axis, low)
         bounds.setHigh(axis, high)
     plane.setBounds(bounds)
     space = base.SpaceTimeStateSpace(plane, ROBOT.speed, 1.0)
     space.setTimeBounds(0.0, longest)
+    setup, *_kept_alive = ompl_setup(space, disks, problem.target, longest, seed, enough)
+    seconds = stopwatch(lambda: setup.solve(PEER_LIMIT))
+    if not setup.haveExactSolutionPath():
+        return seconds, math.inf
+    return seconds, float(setup.getSolutionPath().getStates()[-1][1].position)
+
+
+def ompl_setup(
+    space: Any, disks: FloatArray, goal: FloatArray, longest: float, seed: int, enough: float
+) -> tuple[Any, ...]:
+    """Return what OMPL has to solve, and what must live as long."""
+    from ompl import base, geometric
+
     setup = geometric.SimpleSetup(space)
     information = setup.getSpaceInformation()
 
@@ -197,10 +207,7 @@ def ompl_run(problem: SpacetimeProblem, seed: int, enough: float) -> tuple[float
     setup.setOptimizationObjective(objective)
     setup.setPlanner(geometric.RRTstar(information))
     setup.setup()
-    seconds = stopwatch(lambda: setup.solve(PEER_LIMIT))
-    if not setup.haveExactSolutionPath():
-        return seconds, math.inf
-    return seconds, float(setup.getSolutionPath().getStates()[-1][1].position)
+    return setup, validator, region, objective
 
 
 def beside(count: int) -> list[Row]:

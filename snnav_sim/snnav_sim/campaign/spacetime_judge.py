@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
-from snnav_core.planning.spacetime import plan_in_spacetime
 
 from snnav_core.errors import PlanningError
 from snnav_core.obstacles import MovingObstacle
+from snnav_core.planning.spacetime import plan_in_spacetime
 from snnav_core.planning.spacetime_problem import SpacetimePlan, SpacetimeProblem
 from snnav_core.planning.travel_bound import travel_bound
 from snnav_core.planning.workspace import workspace_region
@@ -36,8 +36,8 @@ class Judgement:
     reason : str
         Why there is no plan; empty when there is one.
     gap : float
-        Travel time above its lower bound, as a share of it; NaN without a plan. Of travel time and length over speed the
-        larger one counts.
+        Travel time above its lower bound, as a share of it; NaN without a plan. Of travel time and length over speed
+        the larger one counts.
     clearance : float
         Least distance from bodies and workspace at every 0.05 s [m]; infinite without a plan.
     clearance_between : float
