@@ -24,6 +24,7 @@ __all__ = ["build_scene"]
 _RIM = 0.02  # [m] around hits that belongs to what was hit
 _NEAR_HOLE = 0.1  # [m] from a hole to the hits on its rim
 _LEAST_DEPTH = 0.3  # [m] behind its hits that even a small body may reach
+_LONGEST_LINK = 0.5  # [m] between neighbouring hits on one surface that is looked for around a body
 _OVERLAP = 1e-6  # [m] by which pieces are grown, so that no slit stays between them
 
 
@@ -49,13 +50,12 @@ def build_scene(
     tracks : sequence of Track
     settings : TrackerSettings
     """
-    surfaces = _surfaces(returns, ~owned)
     moving, explained = [], []
     for track in tracks:
         if not track.moving:
             continue
         seen = track.seen == time
-        outline, parts = _outline(time, area, track, surfaces)
+        outline, parts = _outline(time, area, track, returns, ~owned)
         unseen_for = time - float(track.samples[-1].times.mean())
         doubt = settings.range_noise + unseen_for * track.deviation
         deviation = min(track.deviation, settings.top_speed)
@@ -67,17 +67,17 @@ def build_scene(
     return TrackedScene(time, (*moving, *standing), exteriors)
 
 
-def _surfaces(returns: FusedReturns, chosen: NDArray[np.bool_]) -> shapely.STRtree:
-    """What was hit that does not move: the hits, and the links between neighbouring ones on one surface."""
-    links = np.flatnonzero((np.diff(returns.surfaces) == 0) & chosen[1:] & chosen[:-1])
+def _surfaces(returns: FusedReturns, chosen: NDArray[np.bool_], around: Polygon) -> NDArray[np.object_]:
+    """What was hit near a body and is not it: the hits, and the links between neighbours on one surface."""
+    low, high = np.array(around.bounds[:2]) - _LONGEST_LINK, np.array(around.bounds[2:]) + _LONGEST_LINK
+    near = chosen & ((returns.points >= low) & (returns.points <= high)).all(axis=1)
+    links = np.flatnonzero((np.diff(returns.surfaces) == 0) & near[1:] & near[:-1])
     ends = np.stack((returns.points[links], returns.points[links + 1]), axis=1)
-    return shapely.STRtree(
-        np.concatenate((shapely.linestrings(ends), shapely.points(returns.points[chosen])))
-    )
+    return np.concatenate((shapely.points(returns.points[near]), shapely.linestrings(ends)))
 
 
 def _outline(
-    time: float, area: UnoccupiedArea, track: Track, surfaces: shapely.STRtree
+    time: float, area: UnoccupiedArea, track: Track, returns: FusedReturns, others: NDArray[np.bool_]
 ) -> tuple[FloatArray, BaseGeometry]:
     """Convex outline of a moving body (N, 2), and what is free as soon as it has gone.
 
@@ -92,12 +92,16 @@ def _outline(
     hidden = [part for part in unseen if part.intersects(hull)]
     accumulated = shapely.buffer(shapely.MultiPoint(track.all_hits_at(time)).convex_hull, _RIM, quad_segs=2)
     outline = union_all([hull, accumulated, *hidden]).convex_hull
-    near = surfaces.geometries.take(surfaces.query(around, predicate="intersects"))
-    others = shapely.buffer(union_all(near), _RIM, quad_segs=2) if len(near) else Polygon()
+    fixed = _surfaces(returns, others, around)
     rim = around.exterior
-    holes = [part for part in hidden if part.distance(rim) > 0.0 and part.disjoint(others)]
+    holes = [
+        part for part in hidden if part.distance(rim) > 0.0 and not shapely.dwithin(fixed, part, _RIM).any()
+    ]
     explained = union_all([hull, *shapely.buffer(holes, _OVERLAP)]) if holes else hull
-    return _counter_clockwise(outline), difference(explained, others)
+    touched = fixed[shapely.dwithin(fixed, explained, _RIM)]
+    if len(touched):
+        explained = difference(explained, shapely.buffer(union_all(touched), _RIM, quad_segs=2))
+    return _counter_clockwise(outline), explained
 
 
 def _standing(
