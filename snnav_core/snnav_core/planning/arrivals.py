@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from snnav_core.planning.homotopy_search import Found
-from snnav_core.planning.settling import fine_gains, settle, spacing, with_target
+from snnav_core.planning.settling import fine_gains, settle, with_target
 from snnav_core.planning.spacetime_certificate import certify_in_spacetime
 from snnav_core.planning.spacetime_problem import CandidateOutcome, SpacetimeProblem, SpacetimeSettings
 from snnav_core.planning.spacetime_world import RADIUS_RESERVE, Layout
@@ -16,6 +16,8 @@ from snnav_core.types import Certificate, FloatArray, TimedPath
 __all__ = ["Arrivals"]
 
 _SETTLING_PASSES = 3000  # C0-15
+_LATE = 0.5  # share of the tracking tolerance that may be lost to points that are early or late ...
+_LEAST_LATE = 0.02  # ... and share of the link length that may be
 _SAME = 0.2  # of the link length: candidates nowhere farther apart than this are the same path
 
 
@@ -40,10 +42,15 @@ class Arrivals:
         self.best: Found | None = None
         self.certificate: Certificate | None = None
         self._different: list[Found] = []
+        self._raw: list[FloatArray] = []
 
     def add(self, one: Found) -> float:
         """Settle a candidate; travel time of the best that is accepted [s], infinite if there is none."""
         chain, layout, problem = one.chain, self.layout, self.problem
+        if any(_near(chain.chain, other, layout.link) for other in self._raw):
+            _drop(one)
+            return self._least()
+        self._raw.append(chain.chain.copy())
         radius = RADIUS_RESERVE * problem.robot.min_turn_radius
         gains = fine_gains(layout.link, radius, self.settings.adjustment)
         rests = settle(chain, layout.world, gains, self.settings.adjustment, _SETTLING_PASSES)
@@ -54,11 +61,21 @@ class Arrivals:
             rest = math.dist(points[-2], points[-1])
             one.travel_time = (len(points) - 2) * layout.step + rest / problem.robot.speed
             self._compare(one, one.path)
+        return self._least()
+
+    def _least(self) -> float:
         return math.inf if self.best is None else self.best.travel_time
 
     def _compare(self, one: Found, path: TimedPath) -> None:
         """Drop what is there already; what is new and faster is asked of the certificate."""
-        twin = next((other for other in self._different if _same(path, other.path)), None)
+        twin = next(
+            (
+                other
+                for other in self._different
+                if other.path is not None and _near(path.points, other.path.points, self.layout.link)
+            ),
+            None,
+        )
         if twin is not None and (twin.chain.turns or not one.chain.turns):
             _drop(one)
             return
@@ -86,16 +103,23 @@ def _verdict(
     points: FloatArray, rests: bool, link: float, settings: SpacetimeSettings
 ) -> tuple[CandidateOutcome, str]:
     """Whether a candidate may be asked of the certificate: spacing counts, not how still its points are (C0-15)."""
-    longest, shortest = spacing(points)
-    if longest <= settings.longest_link * link and shortest >= (2.0 - settings.longest_link) * link:
+    if len(points) < 2:
         return CandidateOutcome.REACHED, ""
-    reason = f"links from {shortest:.3f} to {longest:.3f} m, demanded {link:.3f} m"
+    links = np.hypot(*np.diff(points, axis=0).T)
+    late = np.abs(np.cumsum(links - link)).max()
+    longest, shortest = float(links.max()), float(links.min())
+    if longest > settings.longest_link * link or shortest < (2.0 - settings.longest_link) * link:
+        reason = f"links from {shortest:.3f} to {longest:.3f} m, demanded {link:.3f} m"
+    elif late > max(_LATE * settings.tracking_tolerance, _LEAST_LATE * link):
+        reason = f"points up to {late:.3f} m from where the robot is by then"
+    else:
+        return CandidateOutcome.REACHED, ""
     return (CandidateOutcome.STRETCHED if rests else CandidateOutcome.UNSETTLED), reason
 
 
-def _same(path: TimedPath, other: TimedPath | None) -> bool:
-    if other is None or abs(len(other) - len(path)) > 1:
+def _near(points: FloatArray, other: FloatArray, link: float) -> bool:
+    """Whether two chains are nowhere farther apart than the same path may be, the last point aside."""
+    if abs(len(other) - len(points)) > 1:
         return False
-    count = min(len(path), len(other))
-    link = math.dist(path.points[0], path.points[1])
-    return float(np.abs(path.points[:count] - other.points[:count]).max()) < _SAME * link
+    count = min(len(points), len(other))
+    return float(np.abs(points[:count] - other[:count]).max()) < _SAME * link

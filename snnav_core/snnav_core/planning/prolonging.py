@@ -176,7 +176,7 @@ def prolong(chain: Chain, world: World, gains: Gains, graze: float, most: int) -
     -----
     Deviations: in R2 the new point is put ahead along the body and not towards the target, into the body; a body is
     hit only when it is between the end and the target (C2-4), and left as soon as it is not (C2-5), both up to
-    `graze`; following a body into another one, whose margins overlap, goes on around that one.
+    `graze`; where margins overlap, the way along a body goes on along the next one, in the same direction.
     """
     event, body, passes, left, strikes = _prolong(
         world,
@@ -220,9 +220,11 @@ def _prolong(world, n, p, velocity, force, rest, memory, mode, gains, graze, mos
         if body >= 0 and cuts(world, body, n, x, y, tx, ty, graze):
             return 1, body, passes, left, strikes
         return 0, -1, passes, left, strikes
-    if not cuts(world, followed, n, x, y, tx, ty, graze):
-        return 2, -1, passes, left, strikes
     body = touched(world, n, x, y, contact, followed)
+    if not cuts(world, followed, n, x, y, tx, ty, graze):
+        if body >= 0 and cuts(world, body, n, x, y, tx, ty, graze):
+            return 3, body, passes, left, strikes
+        return 2, -1, passes, left, strikes
     if body >= 0:
         _, nx, ny = distance(world, followed, n, x, y)
         _, mx, my = distance(world, body, n, x, y)

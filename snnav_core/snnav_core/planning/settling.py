@@ -11,14 +11,14 @@ from snnav_core.planning.prolonging import TARGET, Chain
 from snnav_core.planning.spacetime_kernel import Gains, World, longest_and_shortest
 from snnav_core.types import FloatArray
 
-__all__ = ["fine_gains", "settle", "spacing", "with_target"]
+__all__ = ["fine_gains", "settle", "with_target"]
 
 _PULL = 0.1  # G_P as a share of L
 _ATTENUATION = 0.98  # G_N: long chains come to rest faster with less damping
 _FINE = 0.003  # rest threshold as a share of G_P
 _CORRECTION = 0.01  # of what a link is too long, per pass; below 1 - G_N
 _STIFFNESS = 0.1  # against bends below the turning radius; 4 G_I + 16 times this stays below 2 (1 + G_N)
-_HOPELESS, _TORN = 1000, 1.5  # passes after which no link may be longer than this share of L
+_HOPELESS, _TORN = 1200, 1.08  # passes after which no link may be longer than this share of L
 _PASSES = 40  # before the end is looked at
 _TINY_END = 0.005  # of the link length: a shorter last link is left out
 
@@ -97,9 +97,3 @@ def with_target(chain: Chain, target: FloatArray, link: float) -> FloatArray:
         points[-1] = target
         return points
     return np.vstack((points, target))
-
-
-def spacing(points: FloatArray) -> tuple[float, float]:
-    """Longest and shortest link of a chain (n + 1, 2) [m]."""
-    longest, shortest = longest_and_shortest(points, len(points) - 1)
-    return float(longest), float(shortest)
