@@ -49,7 +49,7 @@ class Arrivals:
         chain, layout, problem = one.chain, self.layout, self.problem
         if any(_near(chain.chain, other, layout.link) for other in self._raw):
             _drop(one)
-            return self._least()
+            return self.least
         self._raw.append(chain.chain.copy())
         radius = RADIUS_RESERVE * problem.robot.min_turn_radius
         gains = fine_gains(layout.link, radius, self.settings.adjustment)
@@ -61,9 +61,11 @@ class Arrivals:
             rest = math.dist(points[-2], points[-1])
             one.travel_time = (len(points) - 2) * layout.step + rest / problem.robot.speed
             self._compare(one, one.path)
-        return self._least()
+        return self.least
 
-    def _least(self) -> float:
+    @property
+    def least(self) -> float:
+        """Travel time of the best [s], infinite as long as there is none."""
         return math.inf if self.best is None else self.best.travel_time
 
     def _compare(self, one: Found, path: TimedPath) -> None:

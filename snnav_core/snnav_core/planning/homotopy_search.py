@@ -22,7 +22,7 @@ _MOST_PASSES = 60  # for a point, while a chain grows
 _PATIENCE = 1.25  # others go on as long as they may arrive within so many times of the least travel time
 _ROUNDS = 1.25  # perimeters of a body along which it is followed without getting past it
 _SAME = 0.1  # of the link length: candidates nowhere farther apart than this are the same
-_WORK = 3e8  # passes times points of all candidates together
+_WORK, _ENOUGH_WORK = 2e7, 3e6  # passes times points of all candidates, at most, and once there is an answer
 
 
 @dataclass(eq=False)
@@ -68,6 +68,7 @@ def search(
     settings: SpacetimeSettings,
     rng: np.random.Generator,
     arrive: Callable[[Found], float],
+    best: float = math.inf,
 ) -> list[Found]:
     """Candidates that reach the target, and all others, in the order in which they were made.
 
@@ -79,7 +80,9 @@ def search(
         Decides which direction a candidate keeps at a body when both lead equally well to the target.
     arrive : callable
         Told of a candidate that has reached the target: adjusts it to the end, sets its outcome and returns the travel
-        time that others have to compare with [s], infinite if it is no answer.
+        time that others have to compare with [s], infinite as long as there is no answer.
+    best : float
+        That time at the beginning [s].
 
     Notes
     -----
@@ -87,7 +90,7 @@ def search(
     `settings.candidates`, candidates with the same turns are dropped (C2-9); a body that was just left does not fork
     again (C2-4); a candidate ends when it has gone around the followed body, or has a length that none needs (C2-3).
     """
-    return _Search(layout, settings, rng, arrive).run()
+    return _Search(layout, settings, rng, arrive, best).run()
 
 
 class _Search:
@@ -97,9 +100,10 @@ class _Search:
         settings: SpacetimeSettings,
         rng: np.random.Generator,
         arrive: Callable[[Found], float],
+        best: float,
     ) -> None:
         self.layout, self.settings, self.rng, self.arrive = layout, settings, rng, arrive
-        self.best = math.inf
+        self.best = best / layout.step  # in links
         self.gains = coarse_gains(layout.link, settings.adjustment)
         self.found = [Found(Chain.begin(layout.world.ends[0], layout.most_points + 2))]
         self.seen: set[tuple[tuple[int, int], ...]] = {()}
@@ -129,7 +133,7 @@ class _Search:
             self._arrived(one)
         elif event is Event.PINNED:
             one.outcome = CandidateOutcome.STRETCHED
-            one.reason = "a body overtakes the candidate and stretches it"
+            one.reason = "bodies overtake the candidate or hold it up: links far too long or short"
         elif event is Event.LEFT:
             chain.leave()
         elif event is Event.MET:
@@ -193,7 +197,10 @@ class _Search:
         elif following and following * layout.link > _ROUNDS * layout.perimeters[chain.followed]:
             one.outcome = CandidateOutcome.TOO_LONG
             one.reason = f"it has gone around {layout.names[chain.followed]} without getting past"
-        elif chain.n + 1 >= layout.most_points or self.work > _WORK:
+        elif self.work > (_WORK if math.isinf(self.best) else _ENOUGH_WORK):
+            one.outcome = CandidateOutcome.DOMINATED if self.best < math.inf else CandidateOutcome.TOO_LONG
+            one.reason = f"after {length:.2f} m all candidates together have taken as much work as they may"
+        elif chain.n + 1 >= layout.most_points:
             one.outcome = CandidateOutcome.TOO_LONG
             one.reason = f"the target is not reached after {length:.2f} m"
 

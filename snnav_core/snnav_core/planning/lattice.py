@@ -15,6 +15,7 @@ __all__ = ["lattice_way"]
 
 _HEADINGS = 16
 _SHARPEST = 3  # largest change of the heading from move to move, in steps between headings
+_TIMES = 20  # at which ways may come to a cell
 _LINKS = 3  # of a path make a move
 
 
@@ -42,7 +43,8 @@ def lattice_way(
     Notes
     -----
     A* over moves of constant length in 16 directions. Of the ways that come to a cell at the same time the first one
-    is kept, so that the answer is near the quickest way but not the quickest: it is to be adjusted.
+    is kept, and of these times the first ones. So the answer is near the quickest way but not the quickest: it is to be
+    adjusted.
     """
     points = _search(world, link, cell, most_points, most_nodes)
     return points if len(points) > 1 else None
@@ -58,6 +60,7 @@ def _search(world, link, share, most_points, most_nodes):  # type: ignore[no-unt
     steps = np.zeros(most_nodes, dtype=np.int64)
     places[0] = world.ends[0]
     seen = {(0, 0, 0)}
+    visits = {(0, 0): 1}
     gap = math.hypot(places[0, 0] - target_x, places[0, 1] - target_y)
     queue = [(gap, 0)]
     count = 1
@@ -78,9 +81,11 @@ def _search(world, link, share, most_points, most_nodes):  # type: ignore[no-unt
             angle = 2.0 * math.pi * heading / _HEADINGS
             nx, ny = x + move * math.cos(angle), y + move * math.sin(angle)
             key = (int(math.floor(nx / cell)), int(math.floor(ny / cell)), steps[node] + 1)
-            if key in seen or not _is_free(world, k, x, y, nx, ny):
+            place = (key[0], key[1])
+            if key in seen or visits.get(place, 0) >= _TIMES or not _is_free(world, k, x, y, nx, ny):
                 continue
             seen.add(key)
+            visits[place] = visits.get(place, 0) + 1
             if count == most_nodes:
                 return places[:0].copy()
             places[count, 0], places[count, 1] = nx, ny

@@ -28,7 +28,7 @@ TARGET = -1
 
 _CONTACT = 0.02  # of the link length: nearer than this a body is touched
 _INTO = 0.1  # sine of the angle at which following one body leads into another one
-_LONG, _LONG_FOR = 1.25, 4  # a chain with so long a link for so many points is pinned by what overtakes it
+_LONG, _SHORT, _STRIKES = 1.25, 0.4, 5  # links beyond these shares of L for so many points: pinned, held up
 
 
 class Event(IntEnum):
@@ -39,7 +39,7 @@ class Event(IntEnum):
     LEFT = 2  # R2: the followed body no longer is
     MET = 3  # R2: following the body leads into another one
     REACHED = 4  # B3
-    PINNED = 5  # links are stretched more and more (C0-11)
+    PINNED = 5  # what moves stretches links more and more, or holds the end up (C0-11)
 
 
 @dataclass
@@ -63,7 +63,7 @@ class Chain:
     since : int
         n when R2 began.
     strikes, passes : int
-        Points in a row with a stretched link, passes so far.
+        Points in a row with a link far too long or short, passes so far.
     """
 
     points: FloatArray
@@ -204,9 +204,10 @@ def _prolong(world, n, p, velocity, force, rest, memory, mode, gains, graze, mos
     passes, _ = relax(world, 1, n, p, velocity, force, rest, memory, followed, side, gains, most)
     x, y = p[n, 0], p[n, 1]
     tx, ty = world.ends[1, 0], world.ends[1, 1]
-    longest, _ = longest_and_shortest(p, n)
-    strikes = strikes + 1 if longest > _LONG * gains.link else 0
-    if strikes >= _LONG_FOR:
+    longest, shortest = longest_and_shortest(p, n)
+    uneven = longest > _LONG * gains.link or shortest < _SHORT * gains.link
+    strikes = strikes + 1 if uneven else 0
+    if strikes >= _STRIKES:
         return 5, -1, passes, left, strikes
     if (x - tx) * (x - tx) + (y - ty) * (y - ty) < gains.link * gains.link:
         return 4, -1, passes, left, strikes

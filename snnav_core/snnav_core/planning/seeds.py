@@ -13,10 +13,9 @@ from snnav_core.planning.spacetime_problem import SpacetimeProblem, TravelBound
 from snnav_core.planning.spacetime_world import Layout
 from snnav_core.types import FloatArray, TimedPath
 
-__all__ = ["lattice_chains", "rest_of_path", "route_chain"]
+__all__ = ["lattice_chain", "rest_of_path", "route_chain"]
 
-_CELLS = (0.6, 0.35)  # of the lattice, as shares of a move
-_MOST_NODES = 60_000
+_MOST_NODES = 30_000
 _SPARE = 40  # points that a chain may grow by
 
 
@@ -60,16 +59,14 @@ def route_chain(bound: TravelBound, problem: SpacetimeProblem, layout: Layout) -
     return Found(Chain.along(points, layout.link, _SPARE))
 
 
-def lattice_chains(layout: Layout) -> list[Found]:
-    """Ways found by a coarse search over places and times as candidates.
+def lattice_chain(layout: Layout, cell: float) -> Found | None:
+    """A way found by a coarse search over places and times as a candidate; None if none is found.
 
     Parameters
     ----------
     layout : Layout
+    cell : float
+        See `lattice_way`.
     """
-    found = []
-    for cell in _CELLS:
-        way = lattice_way(layout.world, layout.link, cell, layout.most_points, _MOST_NODES)
-        if way is not None:
-            found.append(Found(Chain.along(way, layout.link, _SPARE)))
-    return found
+    way = lattice_way(layout.world, layout.link, cell, layout.most_points, _MOST_NODES)
+    return None if way is None else Found(Chain.along(way, layout.link, _SPARE))

@@ -12,7 +12,7 @@ from snnav_core.errors import NoPathFound, PlanningError
 from snnav_core.planning.arrivals import Arrivals
 from snnav_core.planning.blocked import check_ends, unreachable
 from snnav_core.planning.homotopy_search import Found, search
-from snnav_core.planning.seeds import lattice_chains, rest_of_path, route_chain
+from snnav_core.planning.seeds import lattice_chain, rest_of_path, route_chain
 from snnav_core.planning.spacetime_problem import (
     Candidate,
     CandidateOutcome,
@@ -27,6 +27,9 @@ from snnav_core.planning.travel_bound import travel_bound
 from snnav_core.types import Certificate, TimedPath
 
 __all__ = ["plan_in_spacetime", "plan_in_turn", "readjust"]
+
+_NEAR = 1.05  # times the lower bound: near enough not to look further
+_COARSE_CELL, _FINE_CELL = 0.6, 0.35  # of the lattice, as shares of a move
 
 
 def plan_in_spacetime(
@@ -73,7 +76,8 @@ def plan_in_spacetime(
     """
     layout = lay_out(problem, settings, TurningReserve.CORNERS)
     check_ends(problem, layout)
-    if math.isinf(travel_bound(problem, float(layout.margins[-1])).time):
+    bound = travel_bound(problem, float(layout.margins[-1])).time
+    if math.isinf(bound):
         raise unreachable(problem, layout)
     failure: NoPathFound | None = None
     for reserve in TurningReserve:
@@ -82,19 +86,39 @@ def plan_in_spacetime(
             continue
         layout = other
         arrivals = Arrivals(problem, settings, layout)
-        given = [route_chain(_route(problem, layout), problem, layout)]
-        if previous is not None:
-            given.append(rest_of_path(previous.path, problem, layout))
-        seeds = [one for one in given if one is not None] + lattice_chains(layout)
-        for one in seeds:
-            arrivals.add(one)
+        seeds = _given(problem, layout, arrivals, previous, _NEAR * bound)
         try:
-            found = search(layout, settings, rng, arrivals.add)
+            found = search(layout, settings, rng, arrivals.add, arrivals.least)
             return _choose([*seeds, *found], arrivals, problem, layout)
         except NoPathFound as error:
             failure = failure or error
     assert failure is not None
     raise failure
+
+
+def _given(
+    problem: SpacetimeProblem,
+    layout: Layout,
+    arrivals: Arrivals,
+    previous: SpacetimePlan | None,
+    enough: float,
+) -> list[Found]:
+    """Candidates that the search is given, already adjusted; a finer lattice if none takes less than `enough` [s]."""
+    given: list[Found] = []
+
+    def add(one: Found | None) -> None:
+        if one is not None:
+            arrivals.add(one)
+            given.append(one)
+
+    if previous is not None:
+        add(rest_of_path(previous.path, problem, layout))
+    add(route_chain(_route(problem, layout), problem, layout))
+    if problem.others or any(body.speed > 0.0 for body in problem.obstacles):
+        add(lattice_chain(layout, _COARSE_CELL))
+    if arrivals.least > enough:
+        add(lattice_chain(layout, _FINE_CELL))
+    return given
 
 
 def _route(problem: SpacetimeProblem, layout: Layout) -> TravelBound:
