@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import array
 from typing import Any
 
 import numpy as np
@@ -10,22 +9,14 @@ from numpy.typing import NDArray
 
 from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.types import FloatArray
-from snnav_ros.available import new_message
-from snnav_ros.convert.frames import MAP_FRAME, header
+from snnav_ros.convert.cloud import cloud_fields, cloud_to_message
 
 __all__ = ["SEEN_FIELDS", "grid_points", "seen_to_message"]
 
-_INT32, _FLOAT32 = 5, 7  # sensor_msgs/PointField
-SEEN_FIELDS = (
-    ("x", 0, _FLOAT32),
-    ("y", 4, _FLOAT32),
-    ("z", 8, _FLOAT32),
-    ("sensor", 12, _INT32),
-    ("age", 16, _FLOAT32),
-)
-"""Name, offset [byte] and datatype of every field of `unoccupied_area/seen`."""
-
 _SEEN = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("sensor", "<i4"), ("age", "<f4")])
+
+SEEN_FIELDS = cloud_fields(_SEEN)
+"""Name, offset [byte] and datatype of every field of `unoccupied_area/seen`."""
 
 
 def grid_points(area: UnoccupiedArea, spacing: float) -> FloatArray:
@@ -57,13 +48,4 @@ def seen_to_message(points: FloatArray, sensor: NDArray[np.int64], age: FloatArr
     values = np.zeros(len(points), dtype=_SEEN)
     values["x"], values["y"] = points.T
     values["sensor"], values["age"] = sensor, age
-    message = new_message("sensor_msgs/PointCloud2", header=header(stamp_ns, MAP_FRAME))
-    message.fields = [
-        new_message("sensor_msgs/PointField", name=name, offset=offset, datatype=datatype, count=1)
-        for name, offset, datatype in SEEN_FIELDS
-    ]
-    message.height, message.width = 1, len(values)
-    message.point_step, message.row_step = _SEEN.itemsize, values.nbytes
-    message.is_bigendian, message.is_dense = False, not bool(np.isnan(age).any())
-    message.data = array.array("B", values.tobytes())
-    return message
+    return cloud_to_message(values, stamp_ns, is_dense=not bool(np.isnan(age).any()))
