@@ -14,7 +14,7 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchContext, LaunchDescription
-from snnav_ros.bringup import share_robots
+from snnav_ros.casting import FUSION, TRACKER, every_sample, share_robots
 from snnav_ros.nodes.operator import needs_operator
 from snnav_sim.scene import find_scene, load_scene
 
@@ -41,12 +41,13 @@ def scene_nodes(context: LaunchContext) -> list[Node]:
     rate = rate_of(LaunchConfiguration("rate").perform(context))
     shares = share_robots(scene, count_of(LaunchConfiguration("planners").perform(context)))
     several = {"planners": list(shares)} if len(shares) > 1 else {}
-    sampled = [*(sensor.id for sensor in scene.sensors), "fusion_node", *shares]
+    planner = "global_planner_node" if scene.plans_globally else "planner_node"
     return [
         *(node("lms200_node", sensor.id, sensor_id=sensor.id) for sensor in scene.sensors),
-        node("fusion_node", "fusion_node"),
+        node("fusion_node", FUSION),
+        *([node("tracker_node", TRACKER)] if scene.plans_globally else []),
         *(
-            node("planner_node", name, **several, **({"serves": robots} if several else {}))
+            node(planner, name, **several, **({"serves": robots} if several else {}))
             for name, robots in shares.items()
         ),
         *(node("robot_node", robot.id, robot_id=robot.id, **several) for robot in scene.robots),
@@ -56,7 +57,7 @@ def scene_nodes(context: LaunchContext) -> list[Node]:
             "clock_node",
             use_sim_time=False,
             rate=rate,
-            **({"every_sample": sampled} if several else {}),
+            **({"every_sample": list(every_sample(scene, list(shares)))} if several else {}),
         ),
     ]
 

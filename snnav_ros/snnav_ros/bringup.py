@@ -13,9 +13,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from snnav_core.errors import InvalidInput, SnnavError
+from snnav_core.errors import SnnavError
 from snnav_ros.available import make_executor, require_ros
 from snnav_ros.bag.writer import BagWriter
+from snnav_ros.casting import CLOCK, FUSION, TRACKER, every_sample, every_tick, share_robots
 from snnav_ros.domain import free_domain
 from snnav_ros.processes import ChildProcesses
 from snnav_ros.recorder import RunCollector, RunProgress
@@ -24,9 +25,8 @@ from snnav_sim.report.record import RunRecord
 from snnav_sim.scene import Scene, dump_scene
 from snnav_sim.warm_up import warm_up
 
-__all__ = ["BringupError", "NodePlan", "plan_nodes", "run_scene", "share_robots"]
+__all__ = ["BringupError", "NodePlan", "plan_nodes", "run_scene"]
 
-_CLOCK, _FUSION, _PLANNER = "clock_node", "fusion_node", "planner_node"
 _WAIT = 0.2  # [s] from one look at signals and child processes to the next
 _STALL = 60.0  # [s] without any message
 
@@ -65,41 +65,27 @@ def plan_nodes(
         NodePlan(sensor.id, "lms200", "Lms200Node", {**common, "sensor_id": sensor.id, "seed": seed})
         for sensor in scene.sensors
     ]
-    plans.append(NodePlan(_FUSION, "fusion", "FusionNode", common))
+    plans.append(NodePlan(FUSION, "fusion", "FusionNode", common))
+    kind = "planner", "PlannerNode"
+    if scene.plans_globally:
+        plans.append(NodePlan(TRACKER, "tracker", "TrackerNode", common))
+        kind = "global_planner", "GlobalPlannerNode"
     shares = share_robots(scene, planners)
     several = {"planners": list(shares)} if len(shares) > 1 else {}
     for name, robots in shares.items():
         served = {"serves": robots} if several else {}
-        plans.append(NodePlan(name, "planner", "PlannerNode", {**common, **several, **served}))
+        plans.append(NodePlan(name, *kind, {**common, **several, **served}))
     plans += [
         NodePlan(robot.id, "robot", "RobotNode", {**common, **several, "robot_id": robot.id})
         for robot in scene.robots
     ]
     clock: dict[str, Any] = {**common, "use_sim_time": False}
     if not realtime:
-        from snnav_ros.nodes.clock import every_tick
         from snnav_ros.nodes.recorder import RECORDER
 
         clock["every_tick"] = [*every_tick(scene), RECORDER]
-        clock["every_sample"] = [*(sensor.id for sensor in scene.sensors), _FUSION, *shares]
-    return [*plans, NodePlan(_CLOCK, "clock", "ClockNode", clock)]
-
-
-def share_robots(scene: Scene, planners: int) -> dict[str, list[str]]:
-    """Return names of planner nodes and the robots that each of them serves, in the order in which they join.
-
-    Raises
-    ------
-    InvalidInput
-        If there are fewer robots than planners.
-    """
-    robots = [robot.id for robot in sorted(scene.robots, key=lambda one: scene.instant(one.joins_at))]
-    if planners == 1:
-        return {_PLANNER: robots}
-    if not 1 <= planners <= len(robots):
-        raise InvalidInput(f"{planners} planners for {len(robots)} robots; give 1 to {max(1, len(robots))}")
-    bounds = [round(index * len(robots) / planners) for index in range(planners + 1)]
-    return {f"planner_{index + 1}": robots[bounds[index] : bounds[index + 1]] for index in range(planners)}
+        clock["every_sample"] = list(every_sample(scene, list(shares)))
+    return [*plans, NodePlan(CLOCK, "clock", "ClockNode", clock)]
 
 
 def run_scene(
@@ -137,7 +123,7 @@ def run_scene(
     Raises
     ------
     InvalidInput
-        If there are fewer robots than planners.
+        If there are fewer robots than planners, or several planners for a scene with the global planner.
     MissingRos
         If there is no rclpy.
     BringupError

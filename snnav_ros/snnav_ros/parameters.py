@@ -12,7 +12,7 @@ import math
 import re
 import types
 import typing
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass
 from typing import Any, TypeVar
 
@@ -52,7 +52,9 @@ class ParameterReader:
         }
         self._known: list[str] = []
 
-    def settings(self, kind: type[Settings], prefix: str = "", **defaults: Any) -> Settings:
+    def settings(
+        self, kind: type[Settings], prefix: str = "", known: Mapping[str, Any] | None = None, **defaults: Any
+    ) -> Settings:
         """Declare every field of a dataclass as a parameter and return the dataclass made of their values.
 
         Parameters
@@ -61,6 +63,8 @@ class ParameterReader:
             A dataclass; dataclasses in it become groups (``adjustment.pull``).
         prefix : str
             Put before the names, with a dot.
+        known : mapping, optional
+            Fields that are no parameters, with their values.
         **defaults
             Instead of the defaults of the dataclass, for example from a scene.
 
@@ -70,9 +74,9 @@ class ParameterReader:
             If a value is missing, of the wrong type, out of range, or contradicts another.
         """
         hints, texts = typing.get_type_hints(kind), field_texts(kind)
-        values: dict[str, Any] = {}
+        values: dict[str, Any] = dict(known or {})
         for field in fields(kind):  # type: ignore[arg-type]
-            if not field.init:
+            if not field.init or field.name in values:
                 continue
             name = f"{prefix}.{field.name}" if prefix else field.name
             default = defaults.get(field.name, _default(field))
@@ -84,7 +88,7 @@ class ParameterReader:
             else:
                 values[field.name] = self.value(name, hints[field.name], texts.get(field.name, ""), default)
         try:
-            return kind(**values, **{k: v for k, v in defaults.items() if k not in values})
+            return kind(**values)
         except InvalidInput as error:
             raise self._error(prefix or kind.__name__, str(error)) from None
 

@@ -17,6 +17,7 @@ from snnav_ros.convert import (
     nanoseconds,
     nanoseconds_from_stamp,
     path_from_message,
+    plans_from_message,
     seconds,
     state_from_message,
     verdict_from_message,
@@ -89,6 +90,13 @@ class RunCollector:
         self._order = sorted(self._robots, key=lambda name: self._robots[name].begin)
         self._latest: dict[str, int] = {sensor.id: -1 for sensor in scene.sensors}
         self._latest |= dict.fromkeys(("area", "grid", *self._steps), -1)
+        if scene.plans_globally:
+            self._latest |= dict.fromkeys(("obstacles", "workspace"), -1)
+        self._plans: set[tuple[str, int]] = set()  # by robot and when it was planned [ns]
+        self._shown, self._announced = (
+            -1,
+            -1,
+        )  # stamps of the last candidates that came, and that were published [ns]
         self._watch = EndWatch(scene)
         self._decided = -1
 
@@ -125,6 +133,8 @@ class RunCollector:
                 yield f"tracker {name}"
         if sampled:
             yield from (key for key, stamp in self._latest.items() if stamp < tick)
+            if self._shown < self._announced:
+                yield "candidates"
 
     def _present(self, tick: int) -> list[str]:
         """Ids of the robots in the workspace at a tick [ns], those that joined later last."""
@@ -158,7 +168,7 @@ class RunCollector:
             self._bag.write(topic, message, stamp)
 
     def take_data(self, key: str, topic: str, message: Any) -> None:
-        """Take a scan or the grid of the area; the key is the id of the sensor or `grid`."""
+        """Take a scan, the grid of the area, bodies or workspace; the key is the id of the sensor, or `grid` etc."""
         stamp = nanoseconds_from_stamp(message.header.stamp)
         self.write(topic, message, stamp)
         self._latest[key] = max(self._latest[key], stamp)
@@ -169,6 +179,16 @@ class RunCollector:
         # That of the last instant may be heard after its decisions, which come from another process.
         if not self.ended or nanoseconds_from_stamp(message.header.stamp) <= self._decided:
             self.record.add_area(area_from_message(message, topic))
+
+    def take_plans(self, topic: str, message: Any) -> None:
+        """Take the plans of the global planner with all candidates."""
+        stamp = nanoseconds_from_stamp(message.markers[0].header.stamp)
+        self.write(topic, message, stamp)
+        self._shown = max(self._shown, stamp)
+        for name, (made, plan) in plans_from_message(message, topic).items():
+            if (name, made) not in self._plans:
+                self._plans.add((name, made))
+                self.record.plans.append((seconds(made), plan))
 
     def take_diagnostics(self, topic: str, message: Any) -> None:
         """Take diagnostics: they tell how long fusion and planner worked."""
@@ -184,6 +204,9 @@ class RunCollector:
                 values = {pair.key: pair.value for pair in status.values}
                 steps = self._steps[status.name]
                 steps.append(1e-3 * float(values["step_ms"]))
+                self._announced = max(
+                    self._announced, nanoseconds(float(values.get("candidates_stamp", "-1")))
+                )
 
     def take_odometry(self, name: str, topic: str, message: Any) -> None:
         """Take the pose of a robot; its speeds are those it drove with since the last pose."""

@@ -26,7 +26,16 @@ from snnav_ros.bag.messages import jazzy_types
 
 __all__ = ["LATCHED_TOPICS", "BagWriter"]
 
-LATCHED_TOPICS = ("unoccupied_area", "unoccupied_area/grid", "map", "octomap_points", "tf_static")
+LATCHED_TOPICS = (
+    "unoccupied_area",
+    "unoccupied_area/grid",
+    "obstacles",
+    "obstacles/workspace",
+    "candidates",
+    "map",
+    "octomap_points",
+    "tf_static",
+)
 """Topics that the nodes publish transient local; the bag offers them so as well."""
 
 _CHUNK_BYTES = 16 * 2**20

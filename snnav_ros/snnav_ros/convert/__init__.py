@@ -18,9 +18,12 @@ from snnav_ros.convert.area import (
 from snnav_ros.convert.frames import MAP_FRAME, check_frame, yaw_from_message, yaw_to_message
 from snnav_ros.convert.grid import area_to_grid
 from snnav_ros.convert.lost import lost_from_message, lost_to_message
+from snnav_ros.convert.markers import obstacles_to_markers
 from snnav_ros.convert.obstacles import OBSTACLE_FIELDS, obstacles_from_message, obstacles_to_message
 from snnav_ros.convert.odometry import goal_from_message, odometry_to_message, state_from_message
 from snnav_ros.convert.path import path_from_message, path_to_message, stop_to_path
+from snnav_ros.convert.plans import plans_from_message, plans_to_message
+from snnav_ros.convert.returns import RETURN_FIELDS, returns_from_message, returns_to_message
 from snnav_ros.convert.scan import is_nothing, nothing_to_message, scan_from_message, scan_to_message
 from snnav_ros.convert.seen import SEEN_FIELDS, grid_points, seen_to_message
 from snnav_ros.convert.stamps import (
@@ -36,6 +39,7 @@ from snnav_ros.convert.word import Word, word_from_message, word_to_message
 __all__ = [
     "MAP_FRAME",
     "OBSTACLE_FIELDS",
+    "RETURN_FIELDS",
     "SEEN_FIELDS",
     "Announcement",
     "Verdict",
@@ -55,10 +59,15 @@ __all__ = [
     "nanoseconds_from_stamp",
     "nothing_to_message",
     "obstacles_from_message",
+    "obstacles_to_markers",
     "obstacles_to_message",
     "odometry_to_message",
     "path_from_message",
     "path_to_message",
+    "plans_from_message",
+    "plans_to_message",
+    "returns_from_message",
+    "returns_to_message",
     "rings_from_message",
     "rings_to_message",
     "scan_from_message",

@@ -1,8 +1,8 @@
 """Bodies in uniform motion as a PointCloud2, a point per vertex: `x y z obstacle radius vx vy ... stamp`.
 
-Vertices come body by body, counter-clockwise, the first not repeated. What belongs to the whole body is written with
-every vertex of it. A cloud without points says that no body is known; what lies outside of the workspace of the same
-stamp counts as obstacle all the same.
+Vertices come body by body, counter-clockwise, the first not repeated; `obstacle` is the number of the body, negative
+for what no sensor saw into. What belongs to the whole body is written with every vertex of it. A cloud without points
+says that no body is known; what lies outside of the workspace of the same stamp counts as obstacle all the same.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ __all__ = ["OBSTACLE_FIELDS", "obstacles_from_message", "obstacles_to_message"]
 
 _OF_BODY = ("radius", "vx", "vy", "position_deviation", "velocity_deviation", "stamp")
 _VERTEX = np.dtype(
-    [("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("obstacle", "<u4"), *((name, "<f8") for name in _OF_BODY)]
+    [("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("obstacle", "<i4"), *((name, "<f8") for name in _OF_BODY)]
 )
-_MOST = 2**32 - 1
+_MOST = 2**31 - 1
+_BODY, _UNSEEN = "body_", "unseen_"  # what ids begin with: tracked bodies, and what no sensor saw into
 _AHEAD = 1e-6  # [s] that the outline of a body may be later than the cloud: rounding to nanoseconds
 
 OBSTACLE_FIELDS = cloud_fields(_VERTEX)
@@ -36,14 +37,14 @@ def obstacles_to_message(obstacles: Sequence[MovingObstacle], stamp_ns: int) -> 
     Parameters
     ----------
     obstacles : sequence of MovingObstacle
-        Their ids are whole numbers without a sign, each different.
+        Their ids are those of the tracker, ``body_<n>`` or ``unseen_<n>`` with n >= 1, each different.
     stamp_ns : int
         Time for which they hold [ns].
 
     Raises
     ------
     InvalidInput
-        If an id is no number.
+        If an id is another one.
     """
     vertices = np.zeros(sum(len(body.outline) for body in obstacles), dtype=_VERTEX)
     begin = 0
@@ -59,9 +60,20 @@ def obstacles_to_message(obstacles: Sequence[MovingObstacle], stamp_ns: int) -> 
 
 
 def _number(name: str) -> int:
-    if not (name.isascii() and name.isdecimal() and str(int(name)) == name and int(name) <= _MOST):
-        raise InvalidInput(f"body {name!r} cannot be sent; its id must be a number from 0 to {_MOST}")
-    return int(name)
+    """Return the number of an id; what was not seen is negative."""
+    for prefix, sign in ((_BODY, 1), (_UNSEEN, -1)):
+        digits = name.removeprefix(prefix)
+        if digits != name and digits.isdecimal() and digits == str(int(digits)) and 0 < int(digits) <= _MOST:
+            return sign * int(digits)
+    raise InvalidInput(f"body {name!r} cannot be sent; name it body_1, body_2, ... or unseen_1, ...")
+
+
+def _name(number: int, topic: str) -> str:
+    if number == 0:
+        raise InvalidInput(
+            f"{topic}: a body has the number 0; number bodies 1, 2, ..., what is unseen -1, -2, ..."
+        )
+    return f"{_BODY}{number}" if number > 0 else f"{_UNSEEN}{-number}"
 
 
 def obstacles_from_message(message: Any, topic: str = "obstacles") -> tuple[MovingObstacle, ...]:
@@ -86,23 +98,25 @@ def obstacles_from_message(message: Any, topic: str = "obstacles") -> tuple[Movi
     numbers = [int(part["obstacle"][0]) for part in parts]
     if len(set(numbers)) < len(numbers):
         twice = next(one for one in numbers if numbers.count(one) > 1)
-        raise InvalidInput(f"{topic}: the vertices of body {twice} are not in one piece; send them together")
+        raise InvalidInput(
+            f"{topic}: the vertices of {_name(twice, topic)} are not in one piece; send them together"
+        )
     time = seconds(nanoseconds_from_stamp(message.header.stamp))
     return tuple(_body(part, time, topic) for part in parts)
 
 
 def _body(part: Any, time: float, topic: str) -> MovingObstacle:
     """Return the body of its vertices in a cloud of a time [s]."""
-    name, first = int(part["obstacle"][0]), part[0]
+    name, first = _name(int(part["obstacle"][0]), topic), part[0]
     for key in _OF_BODY:
         if not (part[key] == first[key]).all():
             raise InvalidInput(
-                f"{topic}: {key} of body {name} is {first[key]:g} at one vertex and another number, or none, at "
+                f"{topic}: {key} of {name} is {first[key]:g} at one vertex and another number, or none, at "
                 "another; write the same at all of them"
             )
     try:
         body = MovingObstacle(
-            str(name),
+            name,
             np.column_stack((part["x"], part["y"])),
             float(first["radius"]),
             np.array([first["vx"], first["vy"]]),
@@ -114,7 +128,7 @@ def _body(part: Any, time: float, topic: str) -> MovingObstacle:
         raise InvalidInput(f"{topic}: {error}") from None
     if body.stamp > time + _AHEAD:
         raise InvalidInput(
-            f"{topic}: body {name} is stamped {body.stamp - time:.3f} s ahead of the message; stamp bodies when they "
+            f"{topic}: {name} is stamped {body.stamp - time:.3f} s ahead of the message; stamp bodies when they "
             "were measured"
         )
     return body

@@ -11,6 +11,7 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header
 
+from snnav_ros.casting import every_sample, every_tick
 from snnav_ros.convert import nanoseconds, nanoseconds_from_stamp, seconds, stamp_message
 from snnav_ros.lockstep import DONE_TOPIC
 from snnav_ros.nodes.base import NodeOptions, serve
@@ -18,11 +19,8 @@ from snnav_ros.parameters import ParameterReader
 from snnav_ros.qos import CLOCK, DONE_INBOX, LOCKSTEP
 from snnav_ros.scenes import read_scene
 from snnav_ros.waiting import WaitingReport
-from snnav_sim.scene_types import Scene
 
-__all__ = ["ClockNode", "ClockParameters", "every_tick"]
-
-FUSION, PLANNER = "fusion_node", "planner_node"
+__all__ = ["ClockNode", "ClockParameters"]
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,8 @@ class ClockParameters:
         Participants due at every tick: names of the robot nodes, and of sensors that see robots. Those of the scene
         when left out.
     every_sample : tuple of str
-        Participants due at every sampling instant: sensors, fusion and planner. Those of the scene when left out.
+        Participants due at every sampling instant: sensors, fusion, tracker and planner. Those of the scene when left
+        out.
     """
 
     control_period: float = 0.05
@@ -52,12 +51,6 @@ class ClockParameters:
     rate: float = 1.0
     every_tick: tuple[str, ...] = ()
     every_sample: tuple[str, ...] = ()
-
-
-def every_tick(scene: Scene) -> tuple[str, ...]:
-    """Return the names of the nodes of a scene that take part in every tick of lockstep."""
-    robots = tuple(robot.id for robot in scene.robots)
-    return robots + tuple(sensor.id for sensor in scene.sensors if sensor.sees_robots)
 
 
 class ClockNode(Node):
@@ -91,7 +84,7 @@ class ClockNode(Node):
                 "control_period": scene.control_period,
                 "sampling_interval": scene.sampling_interval,
                 "every_tick": every_tick(scene),
-                "every_sample": (*(sensor.id for sensor in scene.sensors), FUSION, PLANNER),
+                "every_sample": every_sample(scene),
             }
         settings = reader.settings(ClockParameters, **defaults)
         reader.finish()

@@ -28,6 +28,7 @@ from snnav_ros.convert import (
     lost_to_message,
     nanoseconds,
     nanoseconds_from_stamp,
+    returns_to_message,
     scan_from_message,
     seconds,
     seen_to_message,
@@ -127,6 +128,7 @@ class FusionNode(ManagedNode):
         latched = for_mode(self.lockstep, LATCHED)
         self._lost = self.publisher(MarkerArray, "unoccupied_area/lost", latched)
         self._areas = self.publisher(PointCloud2, "unoccupied_area", latched)
+        self._returns = self.publisher(PointCloud2, "unoccupied_area/returns", latched)
         self._seen = self.publisher(PointCloud2, "unoccupied_area/seen", latched)
         self._grids = self.publisher(OccupancyGrid, "unoccupied_area/grid", latched)
         self._diagnostics = self.publisher(
@@ -282,6 +284,8 @@ class FusionNode(ManagedNode):
         self._lost.publish(lost_to_message(area))
         self._areas.publish(area_to_message(area))
         # in lockstep a listener may be found later
+        if self.lockstep or self._returns.get_subscription_count() > 0:
+            self._returns.publish(returns_to_message(self._fusion.returns(area.stamp), now))
         if self.lockstep or self._grids.get_subscription_count() > 0:
             self._grids.publish(area_to_grid(area, self.settings.grid_resolution))
         if self._seen.get_subscription_count() > 0:

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan, PointCloud2
+from visualization_msgs.msg import MarkerArray
 
 from snnav_ros.convert import nanoseconds, nanoseconds_from_stamp, stamp_message
 from snnav_ros.lockstep import Participant
@@ -19,6 +20,7 @@ from snnav_ros.nodes.base import NodeOptions
 from snnav_ros.nodes.fellows import PLANNERS_TOPIC
 from snnav_ros.nodes.operator import Operator
 from snnav_ros.nodes.roster import ROBOTS_TOPIC
+from snnav_ros.nodes.tracker import OBSTACLES, WORKSPACE
 from snnav_ros.qos import CLOCK_INPUT, INBOX, LATCHED, RECORDED, SENSOR, for_mode
 from snnav_ros.recorder import RunCollector
 from snnav_sim.scene_types import Scene
@@ -52,6 +54,10 @@ class RecorderNode(Node):
             self._hear(LaserScan, f"sensors/{sensor.id}/scan", partial(collector.take_data, sensor.id), scans)
         self._hear(PointCloud2, "unoccupied_area", collector.take_area, latched)
         self._hear(OccupancyGrid, "unoccupied_area/grid", partial(collector.take_data, "grid"), latched)
+        if scene.plans_globally:
+            self._hear(PointCloud2, OBSTACLES, partial(collector.take_data, "obstacles"), latched)
+            self._hear(PointCloud2, WORKSPACE, partial(collector.take_data, "workspace"), latched)
+            self._hear(MarkerArray, "candidates", collector.take_plans, latched)
         self._hear(
             DiagnosticArray, "/diagnostics", collector.take_diagnostics, INBOX if lockstep else RECORDED
         )

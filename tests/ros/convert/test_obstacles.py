@@ -26,21 +26,20 @@ SECOND = 10**9
 NUMBER = st.floats(-1e6, 1e6)
 AMOUNT = st.floats(0.0, 1e3)
 POINT = st.tuples(NUMBER, NUMBER)
-DTYPE = np.dtype([(name, {6: "<u4", 8: "<f8"}[kind]) for name, _, kind in OBSTACLE_FIELDS])
+DTYPE = np.dtype([(name, {5: "<i4", 8: "<f8"}[kind]) for name, _, kind in OBSTACLE_FIELDS])
 
 
 @st.composite
 def bodies(draw: st.DrawFn) -> tuple[MovingObstacle, ...]:
     made = []
-    for number in draw(st.lists(st.integers(0, 2**32 - 1), max_size=5, unique=True)):
+    names = st.builds("{}_{}".format, st.sampled_from(("body", "unseen")), st.integers(1, 2**31 - 1))
+    for name in draw(st.lists(names, max_size=5, unique=True)):
         outline = draw(st.lists(POINT, min_size=1, max_size=6))
         radius = draw(st.floats(1e-6, 1e3) if len(outline) == 1 else AMOUNT)
         stamp = draw(st.floats(0.0, 100.0))
         velocity = np.array(draw(POINT))
         made.append(
-            MovingObstacle(
-                str(number), np.array(outline), radius, velocity, stamp, draw(AMOUNT), draw(AMOUNT)
-            )
+            MovingObstacle(name, np.array(outline), radius, velocity, stamp, draw(AMOUNT), draw(AMOUNT))
         )
     return tuple(made)
 
@@ -77,15 +76,17 @@ def test_no_body_is_a_message_without_points() -> None:
 
 
 def test_id_that_is_no_number_is_refused() -> None:
-    for name in ("walker", "01", "-1", "4294967296", "\u0663", ""):
-        with pytest.raises(InvalidInput, match="must be a number from 0"):
+    for name in ("walker", "7", "body_01", "body_0", "body_-1", "unseen_2147483648", "body_\u0663", ""):
+        with pytest.raises(InvalidInput, match="name it body_1"):
             obstacles_to_message((MovingObstacle(name, np.zeros((1, 2)), 0.3),), SECOND)
 
 
 def two_bodies() -> PointCloud2:
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
-    walker = MovingObstacle("7", [[4.0, 4.0], [5.0, 4.0]], 0.3, [0.2, 0.1], 1.0, 0.01, 0.02)
-    message: PointCloud2 = obstacles_to_message((MovingObstacle("3", square, stamp=1.0), walker), SECOND)
+    walker = MovingObstacle("body_7", [[4.0, 4.0], [5.0, 4.0]], 0.3, [0.2, 0.1], 1.0, 0.01, 0.02)
+    message: PointCloud2 = obstacles_to_message(
+        (MovingObstacle("unseen_3", square, stamp=1.0), walker), SECOND
+    )
     return message
 
 
@@ -113,15 +114,16 @@ def test_what_is_malformed_is_refused_by_name() -> None:
         (changed(fields=two_bodies().fields[:4]), "fields are .* publish a point per vertex"),
         (changed(is_bigendian=True), "little-endian"),
         (changed(width=6), "damaged"),
-        (altered(0, x=np.nan), "body '3': outline, velocity or stamp contain NaN"),
-        (altered(3, radius=np.nan), "radius of body 7 is nan at one vertex"),
-        (altered(4, vx=0.3), "vx of body 7 is 0.2 at one vertex"),
-        (altered(4, obstacle=3), "vertices of body 3 are not in one piece"),
-        (altered(4, obstacle=9, radius=0.0), "body '9' is a single point"),
+        (altered(0, x=np.nan), "body 'unseen_3': outline, velocity or stamp contain NaN"),
+        (altered(3, radius=np.nan), "radius of body_7 is nan at one vertex"),
+        (altered(4, vx=0.3), "vx of body_7 is 0.2 at one vertex"),
+        (altered(4, obstacle=-3), "vertices of unseen_3 are not in one piece"),
+        (altered(4, obstacle=0), "has the number 0"),
+        (altered(4, obstacle=9, radius=0.0), "body 'body_9' is a single point"),
         (altered(4, obstacle=9, radius=-1.0), "radius is -1.0, must be a number of at least 0"),
         (altered(4, obstacle=9, velocity_deviation=np.inf), "velocity_deviation is inf"),
-        (altered(4, obstacle=9, vy=np.inf), "body '9': outline, velocity or stamp"),
-        (altered(4, obstacle=9, stamp=1.5), "body 9 is stamped 0.500 s ahead of the message"),
+        (altered(4, obstacle=9, vy=np.inf), "body 'body_9': outline, velocity or stamp"),
+        (altered(4, obstacle=9, stamp=1.5), "body_9 is stamped 0.500 s ahead of the message"),
     ]:
         with pytest.raises(InvalidInput, match=text):
             obstacles_from_message(message)
