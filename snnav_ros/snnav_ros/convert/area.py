@@ -45,7 +45,10 @@ def area_from_message(message: Any, topic: str = "unoccupied_area") -> Unoccupie
         If fields, sizes, frame, the order of the rings or a coordinate are not as they must be.
     """
     rings = rings_from_message(message, topic)
-    return UnoccupiedArea.from_rings(seconds_from_stamp(message.header.stamp), rings)
+    try:
+        return UnoccupiedArea.from_rings(seconds_from_stamp(message.header.stamp), rings)
+    except InvalidInput as error:
+        raise InvalidInput(f"{topic}: {error}") from None
 
 
 def rings_to_message(rings: Sequence[FloatArray], stamp_ns: int) -> Any:
