@@ -5,7 +5,16 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 PACKAGE = "snnav_ros"
-NODES = ["lms200_node", "fusion_node", "planner_node", "robot_node", "clock_node", "operator_node"]
+NODES = [
+    "lms200_node",
+    "fusion_node",
+    "planner_node",
+    "tracker_node",
+    "global_planner_node",
+    "robot_node",
+    "clock_node",
+    "operator_node",
+]
 SHARED_FOLDERS = ["launch", "config", "rviz"]
 
 setup(

@@ -2,6 +2,7 @@
 
     ros2 launch snnav_ros network.launch.py config:=site.yaml robots:=cart_1,cart_2
     ros2 launch snnav_ros network.launch.py config:=site.yaml remap:=/front/scan=sensors/north/scan
+    ros2 launch snnav_ros network.launch.py config:=site.yaml planner:=global
 
 The configuration holds the parameters of all nodes (`config/network.yaml` is a commented example). The drivers of
 scanners and bases are started elsewhere.
@@ -36,9 +37,11 @@ def network_nodes(context: LaunchContext) -> list[Node]:
             on_exit=Shutdown(reason=f"{name} ended"),
         )
 
+    plans_globally = LaunchConfiguration("planner").perform(context) == "global"
+    planners = ("tracker_node", "global_planner_node") if plans_globally else ("planner_node",)
     return [
         node("fusion_node", "fusion_node"),
-        node("planner_node", "planner_node"),
+        *(node(name, name) for name in planners),
         *(node("robot_node", robot) for robot in robots),
     ]
 
@@ -89,6 +92,12 @@ def generate_launch_description() -> LaunchDescription:
             ),
             DeclareLaunchArgument(
                 "robots", default_value="", description="robots that get a tracker, by commas"
+            ),
+            DeclareLaunchArgument(
+                "planner",
+                default_value="local",
+                choices=["local", "global"],
+                description="safe whatever moves how, or shortest among bodies that keep their velocities",
             ),
             DeclareLaunchArgument("remap", default_value="", description="driver topic=our topic, by commas"),
             DeclareLaunchArgument("namespace", default_value="", description="before all names"),

@@ -51,6 +51,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "saturation": _LENGTH,
     "robot_distance": _LENGTH,
     "link_distance": _LENGTH,
+    "leg_distance": _LENGTH,
     "largest_body": _LENGTH,
     "free_depth": _LENGTH,
     "range_noise": (1e-6, 1000.0),

@@ -19,6 +19,8 @@ NODES = {
     "lms200_node": (["scene:=hello", "sensor_id:=lms_west", "use_sim_time:=true"], "waiting for: /clock"),
     "fusion_node": (["scene:=hello"], "waiting for: sensors/lms_west/scan, sensors/lms_east/scan"),
     "planner_node": (["scene:=hello"], "waiting for: unoccupied_area, robot_1/odom"),
+    "tracker_node": (["scene:=hello"], "waiting for: unoccupied_area, unoccupied_area/returns"),
+    "global_planner_node": (["scene:=hello"], "waiting for: obstacles, obstacles/workspace, robot_1/odom"),
     "robot_node": (["scene:=hello"], "waiting for: robot_1/path, robot_1/certificate"),
     "clock_node": (
         ["scene:=hello", "lockstep:=true"],

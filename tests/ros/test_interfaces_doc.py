@@ -10,9 +10,13 @@ import yaml
 
 from snnav_core.types import StopReason
 from snnav_ros.convert.area import AREA_FIELDS
+from snnav_ros.convert.obstacles import OBSTACLE_FIELDS
+from snnav_ros.convert.returns import RETURN_FIELDS
 from snnav_ros.nodes.fusion import FusionNode
+from snnav_ros.nodes.global_planner import GlobalPlannerNode
 from snnav_ros.nodes.planner import PlannerNode
 from snnav_ros.nodes.robot import RobotNode
+from snnav_ros.nodes.tracker import TrackerNode
 from snnav_ros.parameter_tables import parameter_tables
 
 ROOT = Path(__file__).parents[2]
@@ -35,10 +39,20 @@ def test_words_of_the_text_are_those_of_the_code() -> None:
     assert all(f"`{reason.value}`" in TEXT for reason in StopReason)
     assert [name for name, _, _ in AREA_FIELDS] == ["x", "y", "z", "ring"]
     assert "| `ring` | UINT32 | 24 |" in TEXT
+    kinds = {5: "INT32", 6: "UINT32", 8: "FLOAT64"}
+    for name, offset, kind in (*OBSTACLE_FIELDS[3:], *RETURN_FIELDS[3:]):
+        assert f"| `{name}` | {kinds[kind]} | {offset} |" in TEXT
 
 
 @pytest.mark.parametrize(
-    ("name", "kind"), [("fusion_node", FusionNode), ("planner_node", PlannerNode), ("cart_1", RobotNode)]
+    ("name", "kind"),
+    [
+        ("fusion_node", FusionNode),
+        ("planner_node", PlannerNode),
+        ("tracker_node", TrackerNode),
+        ("global_planner_node", GlobalPlannerNode),
+        ("cart_1", RobotNode),
+    ],
 )
 def test_example_of_a_network_starts_its_nodes(graph: Any, name: str, kind: type) -> None:
     content = yaml.safe_load((CONFIG / "network.yaml").read_text(encoding="utf-8"))
@@ -54,7 +68,7 @@ def flat(group: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 
 def test_topics_of_a_scene_are_those_of_the_table(graph: Any) -> None:
     options = {"scene": "hello"}
-    for kind in (FusionNode, PlannerNode, RobotNode):
+    for kind in (FusionNode, PlannerNode, TrackerNode, GlobalPlannerNode, RobotNode):
         graph.add(kind, **options)
     named = {name for name, _ in graph.probe.get_topic_names_and_types()}
     documented = {line.split("|")[1].strip(" `") for line in TEXT.splitlines() if line.startswith("| `")}

@@ -14,10 +14,12 @@ import pytest
 from snnav_core.errors import SnnavError
 from snnav_ros.nodes.clock import ClockNode
 from snnav_ros.nodes.fusion import FusionNode
+from snnav_ros.nodes.global_planner import GlobalPlannerNode
 from snnav_ros.nodes.lms200 import Lms200Node
 from snnav_ros.nodes.operator import OperatorNode
 from snnav_ros.nodes.planner import PlannerNode
 from snnav_ros.nodes.robot import RobotNode
+from snnav_ros.nodes.tracker import TrackerNode
 from snnav_sim.scene import Retarget, dump_scene, find_scene, load_scene
 
 FOLDER = Path(__file__).parents[2] / "snnav_ros" / "launch"
@@ -26,6 +28,8 @@ KINDS = {
     "lms200_node": Lms200Node,
     "fusion_node": FusionNode,
     "planner_node": PlannerNode,
+    "tracker_node": TrackerNode,
+    "global_planner_node": GlobalPlannerNode,
     "robot_node": RobotNode,
     "clock_node": ClockNode,
     "operator_node": OperatorNode,
@@ -99,6 +103,23 @@ def test_scene_brings_up_its_nodes(launch_file: Any, graph: Any, lockstep: str) 
     graph.until(lambda: made["robot_1"]._base.pose.x > 1.3, "the robot to drive")
 
 
+def test_scene_with_the_global_planner_brings_up_tracker_and_global_planner(
+    launch_file: Any, graph: Any, tmp_path: Path
+) -> None:
+    hello = replace(load_scene(find_scene("hello")), planner="global", obstacles=())
+    file = tmp_path / "scene.yaml"
+    file.write_text(dump_scene(hello), encoding="utf-8")
+    module = launch_file("scene.launch.py")
+    context = arguments_of(module.generate_launch_description())
+    nodes = module.scene_nodes({**context, "scene": str(file), "lockstep": "true"})
+    assert [node.kwargs["name"] for node in nodes][2:] == [
+        "fusion_node", "tracker_node", "global_planner_node", "robot_1", "clock_node",
+    ]  # fmt: skip
+    made = brought_up(graph, nodes)
+    graph.until(lambda: made["robot_1"]._base.pose.x > 1.3, "the robot to drive")
+    assert made["clock_node"].time > 1.0
+
+
 def test_several_planners_and_an_operator_where_the_scene_asks_for_them(
     launch_file: Any, graph: Any, tmp_path: Path
 ) -> None:
@@ -121,7 +142,12 @@ def test_several_planners_and_an_operator_where_the_scene_asks_for_them(
     assert made["late"]._base.pose.x < 8.0
 
 
-def test_network_brings_up_fusion_planner_and_trackers(launch_file: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("planner", "planners"), [("local", ["planner_node"]), ("global", ["tracker_node", "global_planner_node"])]
+)
+def test_network_brings_up_fusion_planner_and_robots(
+    launch_file: Any, tmp_path: Path, planner: str, planners: list[str]
+) -> None:
     config = tmp_path / "site.yaml"
     config.write_text("{}", encoding="utf-8")
     module = launch_file("network.launch.py")
@@ -129,12 +155,13 @@ def test_network_brings_up_fusion_planner_and_trackers(launch_file: Any, tmp_pat
         **arguments_of(module.generate_launch_description()),
         "config": str(config),
         "robots": "cart_1,cart_2",
+        "planner": planner,
         "remap": "/a/scan=sensors/a/scan,/b/scan=sensors/b/scan",
     }
     nodes = module.network_nodes(context)
     assert [(node.kwargs["executable"], node.kwargs["name"]) for node in nodes] == [
         ("fusion_node", "fusion_node"),
-        ("planner_node", "planner_node"),
+        *((name, name) for name in planners),
         ("robot_node", "cart_1"),
         ("robot_node", "cart_2"),
     ]

@@ -17,6 +17,8 @@ from snnav_ros.qos import COMMAND, ODOMETRY_INPUT, for_mode
 
 __all__ = ["RobotPort"]
 
+_EXPECTED = (StopReason.ARRIVED, StopReason.NO_GOAL, StopReason.YIELDS, StopReason.NOT_TRACKED)
+
 
 class RobotPort:
     """Publishes decisions for a robot and hears it.
@@ -111,7 +113,7 @@ class RobotPort:
         log = self._node.get_logger()
         if not isinstance(decision, Stop):
             log.info(f"robot {self._name} drives again")
-        elif reason in (StopReason.ARRIVED, StopReason.NO_GOAL, StopReason.YIELDS):
+        elif reason in _EXPECTED:
             log.info(f"robot {self._name} stops ({decision.reason.value}): {decision.message}")
         else:
             log.warning(f"robot {self._name} stops ({decision.reason.value}): {decision.message}")
