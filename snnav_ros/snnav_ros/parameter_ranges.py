@@ -61,7 +61,6 @@ RANGES: dict[str, tuple[float, float]] = {
     "shorten_depth": _DISTANCE,
     "tracking_tolerance": _DISTANCE,
     "planning_reserve": _DISTANCE,
-    "position_tolerance": _DISTANCE,
     "simplification": _DISTANCE,
     "range_accuracy": _DISTANCE,
     "jump_distance": _DISTANCE,

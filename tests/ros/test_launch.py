@@ -143,7 +143,8 @@ def test_several_planners_and_an_operator_where_the_scene_asks_for_them(
 
 
 @pytest.mark.parametrize(
-    ("planner", "planners"), [("local", ["planner_node"]), ("global", ["tracker_node", "global_planner_node"])]
+    ("planner", "planners"),
+    [("local", ["planner_node"]), ("global", ["tracker_node", "global_planner_node"])],
 )
 def test_network_brings_up_fusion_planner_and_robots(
     launch_file: Any, tmp_path: Path, planner: str, planners: list[str]
