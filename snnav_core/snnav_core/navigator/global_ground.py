@@ -224,6 +224,8 @@ class GlobalNavigator:
         if memory.arrived or (left <= self.settings.arrival_distance and _is_over(memory.journey, time)):
             self._memory[name] = _Memory(goal, arrived=True)
             return Stop(name, StopReason.ARRIVED, f"robot {name} is {left:.2f} m from its target")
+        if not scene.workspace:
+            return Stop(name, StopReason.NO_AREA, "nothing is known to be free; check the sensors")
         now = self._situation(robot, time, scene, decided)
         decision, self._memory[name] = self._follow(now, memory)
         return decision
@@ -243,12 +245,12 @@ class GlobalNavigator:
 
     def _follow(self, now: Situation, memory: _Memory) -> tuple[PlannedPath | Stop, _Memory]:
         """What is left of the plan, if it holds; else another one."""
-        journey, decision, reason = memory.journey, None, ""
+        journey, decision, reason, holds = memory.journey, None, "", False
         if journey is not None:
             step = go_on(now, journey)
-            decision, journey, reason = step.decision, step.journey, step.reason
+            decision, journey, reason, holds = step.decision, step.journey, step.reason, step.holds
             changed = deviates(now, journey)
-            if decision is not None and step.holds and not changed:
+            if decision is not None and holds and not changed:
                 return decision, replace(memory, journey=journey)
             reason = reason or changed
         memory = replace(memory, journey=None if decision is None else journey)
@@ -267,7 +269,12 @@ class GlobalNavigator:
             if decision is None:
                 return self._refused(now, memory, reason), memory
             return decision, memory
-        if decision is not None and journey is not None and not self._is_better(now, found, journey):
+        if (
+            decision is not None
+            and journey is not None
+            and holds
+            and not self._is_better(now, found, journey)
+        ):
             bodies = {body.id: body for body in now.bodies}
             return decision, replace(memory, journey=replace(journey, bodies=bodies), refusal=None)
         first = go_on(now, found)
