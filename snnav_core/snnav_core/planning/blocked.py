@@ -8,7 +8,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from snnav_core.errors import GoalBlocked, GoalUnreachable, StartBlocked
-from snnav_core.planning.spacetime_kernel import distance
+from snnav_core.planning.spacetime_bodies import distance
 from snnav_core.planning.spacetime_problem import SpacetimeProblem
 from snnav_core.planning.spacetime_world import BORDER, Layout
 from snnav_core.planning.workspace import workspace_region

@@ -10,7 +10,8 @@ import numpy as np
 
 from snnav_core.planning.adjustment import AdjustmentSettings
 from snnav_core.planning.prolonging import Chain, Event, prolong
-from snnav_core.planning.spacetime_kernel import Gains, distance
+from snnav_core.planning.spacetime_bodies import distance
+from snnav_core.planning.spacetime_kernel import Gains
 from snnav_core.planning.spacetime_problem import CandidateOutcome, SpacetimeSettings
 from snnav_core.planning.spacetime_world import Layout
 from snnav_core.types import TimedPath

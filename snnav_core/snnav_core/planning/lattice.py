@@ -8,7 +8,8 @@ import math
 import numba
 import numpy as np
 
-from snnav_core.planning.spacetime_kernel import World, demanded, distance
+from snnav_core.planning.spacetime_bodies import demanded, distance
+from snnav_core.planning.spacetime_kernel import World
 from snnav_core.types import FloatArray
 
 __all__ = ["lattice_way"]

@@ -9,16 +9,8 @@ from enum import IntEnum
 import numba
 import numpy as np
 
-from snnav_core.planning.spacetime_kernel import (
-    Gains,
-    World,
-    cuts,
-    demanded,
-    distance,
-    longest_and_shortest,
-    relax,
-    touched,
-)
+from snnav_core.planning.spacetime_bodies import cuts, demanded, distance, touched
+from snnav_core.planning.spacetime_kernel import Gains, World, longest_and_shortest, relax
 from snnav_core.types import FloatArray
 
 __all__ = ["TARGET", "Chain", "Event", "prolong"]

@@ -29,6 +29,7 @@ from snnav_core.types import Certificate, TimedPath
 __all__ = ["plan_in_spacetime", "plan_in_turn", "readjust"]
 
 _NEAR = 1.05  # times the lower bound: near enough not to look further
+_MOST_PROMOTIONS = 2  # of one robot to the front
 _COARSE_CELL, _FINE_CELL = 0.6, 0.35  # of the lattice, as shares of a move
 
 
@@ -204,22 +205,54 @@ def plan_in_turn(
     Returns
     -------
     dict
-        For every robot, in this order, its plan or the reason why it has none; it then stays where it is.
+        For every robot, in the given order, its plan or the reason why it has none; it then stays where it is, and all
+        others keep clear of it.
 
     Notes
     -----
     Robots keep the safety margin between their centres, as in the third simulation.
+
+    Deviation C2-12: the order is fixed as long as all find a path in it. A robot that finds none, because others stand
+    in its way or pass its target after it has arrived, is planned first instead, at most twice. If that does not
+    help, it stays where it is.
     """
-    answers: dict[str, SpacetimePlan | PlanningError] = {}
-    others: list[OtherRobot] = []
-    for problem in problems:
-        name = problem.robot.id
-        try:
-            plan = plan_in_spacetime(replace(problem, others=(*problem.others, *others)), settings, rng)
-        except PlanningError as error:
-            answers[name] = error
-            path = TimedPath(problem.start_time, settings.sampling_interval, problem.start.position[None])
+    order = list(range(len(problems)))
+    promotions = [0] * len(problems)
+    staying: dict[int, PlanningError] = {}
+    while True:
+        plans, failed, error = _round(problems, order, staying, settings, rng)
+        if error is None:
+            break
+        first = order[0] == failed
+        order.remove(failed)
+        if first or promotions[failed] >= _MOST_PROMOTIONS:
+            staying[failed] = error
         else:
-            answers[name], path = plan, plan.path
-        others.append(OtherRobot(name, path, settings.safety_margin))
-    return answers
+            promotions[failed] += 1
+            order.insert(0, failed)
+    return {problem.robot.id: plans.get(i) or staying[i] for i, problem in enumerate(problems)}
+
+
+def _round(
+    problems: Sequence[SpacetimeProblem],
+    order: list[int],
+    staying: dict[int, PlanningError],
+    settings: SpacetimeSettings,
+    rng: np.random.Generator,
+) -> tuple[dict[int, SpacetimePlan], int, PlanningError | None]:
+    """Plan in one order; the plans, and who failed first and why."""
+    others = []
+    for i in staying:
+        problem = problems[i]
+        stays = TimedPath(problem.start_time, settings.sampling_interval, problem.start.position[None])
+        others.append(OtherRobot(problem.robot.id, stays, settings.safety_margin))
+    plans: dict[int, SpacetimePlan] = {}
+    for i in order:
+        problem = replace(problems[i], others=(*problems[i].others, *others))
+        try:
+            plan = plan_in_spacetime(problem, settings, rng)
+        except PlanningError as error:
+            return plans, i, error
+        plans[i] = plan
+        others.append(OtherRobot(problem.robot.id, plan.path, settings.safety_margin))
+    return plans, -1, None

@@ -1,4 +1,4 @@
-"""Fields and adjustment loop in space-time, compiled: point i of a path meets the bodies where they are at its time."""
+"""Fields and adjustment loop in space-time, compiled (Ch. 2, F_I, F_R, F_P and A1-A3)."""
 
 from __future__ import annotations
 
@@ -8,29 +8,23 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
-from snnav_core.area.clearance import nearest_boundary
+from snnav_core.planning.spacetime_bodies import (
+    STEEPEST,
+    border_distance,
+    circle_distance,
+    demanded,
+    distance,
+    outline_distance,
+)
 from snnav_core.types import FloatArray
 
-__all__ = [
-    "Gains",
-    "World",
-    "cuts",
-    "demanded",
-    "distance",
-    "distances_over_time",
-    "longest_and_shortest",
-    "relax",
-    "touched",
-]
+__all__ = ["Gains", "World", "longest_and_shortest", "relax"]
 
 _TINY = 1e-12
 _TOUCHING = -1e-9  # [m]
-_SLOPE = 0.3  # of what is demanded, over the distance from start or target where that has to be less there
-_STEEPEST = 1.0 + _SLOPE
 _WEDGE = 10  # pushes out of two bodies that are touched at once, in turn
 _QUIET = 5  # passes in which everything is small before rest counts
 _ATTRACTION = 2.0  # largest attraction to the followed body as a multiple of G_P
-_FAR = 1e9  # [m]
 _SHORTEST = 0.3  # rest length of a link as a share of L: the tension of a chain is bounded
 _EVEN = 0.001  # of L: links that can be L long differ less from it at rest
 
@@ -98,141 +92,6 @@ class Gains(NamedTuple):
 
 
 @numba.njit(cache=True, nogil=True)
-def distance(world, body, k, x, y):  # type: ignore[no-untyped-def]
-    """Signed distance [m] of (x, y) to a body at the time of point k, and its gradient; negative inside."""
-    if body == len(world.shifts):
-        return _border(world, x, y)
-    return _outline(world.vertices, world.offsets, world.shifts, world.circles, body, k, x, y)
-
-
-@numba.njit(cache=True, nogil=True)
-def _outline(vertices, offsets, shifts, circles, body, k, x, y):  # type: ignore[no-untyped-def]
-    """Signed distance to a body and its gradient. Few arguments: each array that is handed on costs time."""
-    k = min(k, shifts.shape[1] - 1)
-    x, y = x - shifts[body, k, 0], y - shifts[body, k, 1]
-    first, last = offsets[body], offsets[body + 1]
-    best, bx, by, inside = math.inf, 0.0, 0.0, False
-    ax, ay = vertices[last - 1, 0], vertices[last - 1, 1]
-    ex, ey = 1.0, 0.0
-    for v in range(first, last):
-        cx, cy = vertices[v, 0], vertices[v, 1]
-        dx, dy = cx - ax, cy - ay
-        square = dx * dx + dy * dy
-        share = 0.0
-        if square > 0.0:
-            share = min(max(((x - ax) * dx + (y - ay) * dy) / square, 0.0), 1.0)
-        qx, qy = x - ax - share * dx, y - ay - share * dy
-        gap = qx * qx + qy * qy
-        if gap < best:
-            best, bx, by = gap, qx, qy
-            ex, ey = dy, -dx  # outward for counter-clockwise outlines
-        if (ay > y) != (cy > y) and x < ax + (y - ay) * dx / dy:
-            inside = not inside
-        ax, ay = cx, cy
-    rho = math.sqrt(best)
-    if rho > _TINY:
-        sign = -1.0 if inside else 1.0
-        return sign * rho - circles[body, 3], sign * bx / rho, sign * by / rho
-    scale = max(math.sqrt(ex * ex + ey * ey), _TINY)
-    return -circles[body, 3], ex / scale, ey / scale
-
-
-@numba.njit(cache=True, nogil=True)
-def _border(world, x, y):  # type: ignore[no-untyped-def]
-    starts, ends, normals_start, normals_end, offsets, members, origin, size, columns, rows = world.border
-    if len(starts) == 0:
-        return _FAR, 1.0, 0.0
-    return nearest_boundary(
-        x,
-        y,
-        math.inf,
-        starts,
-        ends,
-        normals_start,
-        normals_end,
-        offsets,
-        members,
-        origin,
-        size,
-        columns,
-        rows,
-    )
-
-
-@numba.njit(cache=True, nogil=True)
-def demanded(kept, ends, body, x, y):  # type: ignore[no-untyped-def]
-    """Distance [m] that a path keeps at (x, y): the planning distance, or what start or target allow near them."""
-    least = kept[body, 0]
-    for end in range(2):
-        if kept[body, 1 + end] < least:
-            dx, dy = x - ends[end, 0], y - ends[end, 1]
-            least = min(least, kept[body, 1 + end] + _SLOPE * math.sqrt(dx * dx + dy * dy))
-    return least
-
-
-@numba.njit(cache=True, nogil=True)
-def distances_over_time(world, earliest, latest):  # type: ignore[no-untyped-def]
-    """Distance [m] of the start from every body at first, and of the target at the least up to `latest`."""
-    count = len(world.shifts) + 1
-    at_start, at_target = np.empty(count), np.full(count, math.inf)
-    for body in range(count):
-        at_start[body], _, _ = distance(world, body, 0, world.ends[0, 0], world.ends[0, 1])
-        for k in range(earliest, latest):
-            rho, _, _ = distance(world, body, k, world.ends[1, 0], world.ends[1, 1])
-            at_target[body] = min(at_target[body], rho)
-    return at_start, at_target
-
-
-@numba.njit(cache=True, nogil=True)
-def _farther(shifts, circles, body, k, x, y):  # type: ignore[no-untyped-def]
-    """Lower bound of the distance to a body [m], by the circle around it."""
-    k = min(k, shifts.shape[1] - 1)
-    dx, dy = x - shifts[body, k, 0] - circles[body, 0], y - shifts[body, k, 1] - circles[body, 1]
-    return math.sqrt(dx * dx + dy * dy) - circles[body, 2]
-
-
-@numba.njit(cache=True, nogil=True)
-def cuts(world, body, k, from_x, from_y, to_x, to_y, share):  # type: ignore[no-untyped-def]
-    """Whether the segment comes nearer to a body, as it is at the time of point k, than demanded less a share of it.
-
-    Walks along the segment, each time as far as the distance allows.
-    """
-    dx, dy = to_x - from_x, to_y - from_y
-    length = math.sqrt(dx * dx + dy * dy)
-    if length < _TINY:
-        return False
-    dx, dy = dx / length, dy / length
-    allowed = share * world.kept[body, 0]
-    least, along = 0.05 * allowed, 0.0
-    while along < length:
-        x, y = from_x + along * dx, from_y + along * dy
-        rho, _, _ = distance(world, body, k, x, y)
-        spare = rho - demanded(world.kept, world.ends, body, x, y) + allowed
-        if spare < 0.0:
-            return True
-        along += max(spare / _STEEPEST, least)
-    return False
-
-
-@numba.njit(cache=True, nogil=True)
-def touched(world, k, x, y, tolerance, without):  # type: ignore[no-untyped-def]
-    """The body of least spare distance among those touched at (x, y) at the time of point k; -1 for none."""
-    found, nearest = -1, tolerance
-    for body in range(len(world.shifts) + 1):
-        if body == without:
-            continue
-        if body < len(world.shifts):
-            bound = _farther(world.shifts, world.circles, body, k, x, y)
-            if bound > world.kept[body, 0] + tolerance:
-                continue
-        rho, _, _ = distance(world, body, k, x, y)
-        spare = rho - demanded(world.kept, world.ends, body, x, y)
-        if spare < nearest:
-            found, nearest = body, spare
-    return found
-
-
-@numba.njit(cache=True, nogil=True)
 def _keep_out(world, first, n, p, velocity, force, memory):  # type: ignore[no-untyped-def]
     """Put points out of every body that they are too near to; take the inward parts out of velocity and force.
 
@@ -244,29 +103,31 @@ def _keep_out(world, first, n, p, velocity, force, memory):  # type: ignore[no-u
     bounded = len(world.border[0]) > 0
     for i in range(first, n + 1):
         x, y = p[i, 0], p[i, 1]
-        moved = math.sqrt((x - memory[i, 0]) ** 2 + (y - memory[i, 1]) ** 2) * _STEEPEST
+        moved = math.sqrt((x - memory[i, 0]) ** 2 + (y - memory[i, 1]) ** 2) * STEEPEST
         if moved < memory[i, 2]:
             continue
         if moved < memory[i, 3]:
             body = int(memory[i, 4])
             if body == count:
-                rho, nx, ny = _border(world, x, y)
+                rho, nx, ny = border_distance(world, x, y)
             else:
-                rho, nx, ny = _outline(vertices, offsets, shifts, circles, body, i, x, y)
+                rho, nx, ny = outline_distance(vertices, offsets, shifts, circles, body, i, x, y)
             _push(i, rho - demanded(kept, ends, body, x, y), nx, ny, p, velocity, force)
             continue
         nearest, least, second = 0, math.inf, math.inf
         contacts, one, other, ox, oy = 0, 0, 0, 0.0, 0.0
         for body in range(count + 1):
             if body < count:
-                spare = _farther(shifts, circles, body, i, p[i, 0], p[i, 1]) - kept[body, 0]
+                spare = circle_distance(shifts, circles, body, i, p[i, 0], p[i, 1]) - kept[body, 0]
                 if spare >= second:
                     continue
                 if spare < kept[body, 0]:
-                    rho, nx, ny = _outline(vertices, offsets, shifts, circles, body, i, p[i, 0], p[i, 1])
+                    rho, nx, ny = outline_distance(
+                        vertices, offsets, shifts, circles, body, i, p[i, 0], p[i, 1]
+                    )
                     spare = rho - demanded(kept, ends, body, p[i, 0], p[i, 1])
             elif bounded:
-                rho, nx, ny = _border(world, p[i, 0], p[i, 1])
+                rho, nx, ny = border_distance(world, p[i, 0], p[i, 1])
                 spare = rho - demanded(kept, ends, body, p[i, 0], p[i, 1])
             else:
                 continue
@@ -282,12 +143,12 @@ def _keep_out(world, first, n, p, velocity, force, memory):  # type: ignore[no-u
             # out of the wedge between two bodies, in turn
             body = one if push % 2 == 0 else other
             if body == count:
-                rho, nx, ny = _border(world, p[i, 0], p[i, 1])
+                rho, nx, ny = border_distance(world, p[i, 0], p[i, 1])
             else:
-                rho, nx, ny = _outline(vertices, offsets, shifts, circles, body, i, p[i, 0], p[i, 1])
+                rho, nx, ny = outline_distance(vertices, offsets, shifts, circles, body, i, p[i, 0], p[i, 1])
             _push(i, rho - demanded(kept, ends, body, p[i, 0], p[i, 1]), nx, ny, p, velocity, force)
         memory[i, 0], memory[i, 1], memory[i, 4] = p[i, 0], p[i, 1], nearest
-        pushed = math.sqrt((p[i, 0] - x) ** 2 + (p[i, 1] - y) ** 2) * _STEEPEST
+        pushed = math.sqrt((p[i, 0] - x) ** 2 + (p[i, 1] - y) ** 2) * STEEPEST
         memory[i, 2], memory[i, 3] = least - pushed, second - pushed
 
 

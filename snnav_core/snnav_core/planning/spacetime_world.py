@@ -10,7 +10,8 @@ import numpy as np
 import shapely
 
 from snnav_core.area.clearance import ClearanceField
-from snnav_core.planning.spacetime_kernel import World, distances_over_time
+from snnav_core.planning.spacetime_bodies import distances_over_time
+from snnav_core.planning.spacetime_kernel import World
 from snnav_core.planning.spacetime_problem import SpacetimeProblem, SpacetimeSettings
 from snnav_core.types import FloatArray
 
