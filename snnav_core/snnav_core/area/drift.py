@@ -145,7 +145,10 @@ def fit_drift(samples: Sequence[BodySample], range_noise: float, guess: FloatArr
     trust = 0.0 if lags and best.agreement < _RIGID else min(1.0, best.agreement / _RIGID) ** 2
     information = known + trust * best.information
     covariance: FloatArray = np.asarray(np.linalg.inv(information))
-    return Drift(covariance @ (pull + trust * best.pull), covariance, best.agreement)
+    velocity = covariance @ (pull + trust * best.pull)
+    if best.agreement < _RIGID:  # the surfaces and their middle tell different motions: either may be right
+        covariance = covariance + np.outer(velocity - middle, velocity - middle)
+    return Drift(velocity, covariance, best.agreement)
 
 
 @dataclass(frozen=True)
