@@ -13,7 +13,7 @@ from snnav_core.obstacles import MovingObstacle
 from snnav_sim.world import solid
 
 INTERVAL = 0.3
-NOISE = 0.03  # [m] by which measured surfaces may be off
+NOISE = 0.04  # [m] by which measured surfaces may be off, rarely
 
 MakeHall = Callable[..., Any]
 
