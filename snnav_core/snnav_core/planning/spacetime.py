@@ -106,6 +106,8 @@ def _given(
 ) -> list[Found]:
     """Candidates that the search is given, already adjusted; a finer lattice if none takes less than `enough` [s]."""
     given: list[Found] = []
+    if layout.earliest == 0:
+        return given  # nothing but the last link is to be planned
 
     def add(one: Found | None) -> None:
         if one is not None:
