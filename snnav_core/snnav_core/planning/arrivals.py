@@ -116,7 +116,8 @@ def _verdict(
         reason = f"points up to {late:.3f} m from where the robot is by then"
     else:
         return CandidateOutcome.REACHED, ""
-    return (CandidateOutcome.STRETCHED if rests else CandidateOutcome.UNSETTLED), reason
+    torn = rests or longest > settings.longest_link * link
+    return (CandidateOutcome.STRETCHED if torn else CandidateOutcome.UNSETTLED), reason
 
 
 def _near(points: FloatArray, other: FloatArray, link: float) -> bool:
