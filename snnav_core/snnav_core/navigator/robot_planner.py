@@ -38,10 +38,10 @@ __all__ = ["RobotMemory", "plan_robot"]
 _PATIENCE = 15  # decisions that a robot gets no nearer to its target, and for which it is less choosy then
 _LONG = 1_000  # steps: a robot whose path ends soon, or that must not stay, does not wait for its turn
 _PAUSE = (
-    3  # in a crowd a path certified for a part of the window is followed for so many steps between searches
+    4  # in a crowd a path certified for a part of the window is followed for so many steps between searches
 )
 _CANDIDATES = 3  # in a crowd at most so many are adjusted in a search: what bars one mostly bars the next
-_RETRY = 2  # a fruitless search is repeated every so many steps while things change
+_RETRY, _CROWD_RETRY = 2, 3  # a fruitless search is repeated every so many steps while things change
 _DETOUR = 1.2  # a path certified for a part of the window is left for one at most so much longer ...
 _LEAST_PATIENCE = 2  # ... unless fewer than so many sampling intervals are left
 
@@ -177,7 +177,8 @@ def _to_target(
     situation = _situation(attempt)
     if best is None and memory.failure is not None:
         waited = memory.steps_since_search + 1
-        if memory.failure[0] == situation or waited < _RETRY:
+        retry = _CROWD_RETRY if attempt.crowd.is_large else _RETRY
+        if memory.failure[0] == situation or waited < retry:
             return memory.failure[1], replace(memory, steps_since_search=waited)
     can_wait = attempt.is_lasting(best) if best is not None else may_stand(attempt)
     if not attempt.turns.take(memory.waited if can_wait else _LONG):
