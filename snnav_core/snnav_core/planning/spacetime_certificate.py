@@ -17,14 +17,12 @@ from shapely.geometry.base import BaseGeometry
 
 from snnav_core.obstacles import MovingObstacle
 from snnav_core.planning.boundary_index import BoundaryIndex
+from snnav_core.planning.drivable import least_radius, place, shape_fault
 from snnav_core.planning.spacetime_problem import OtherRobot, SpacetimeProblem, SpacetimeSettings
 from snnav_core.planning.workspace import workspace_region
 from snnav_core.types import Certificate, FloatArray, TimedPath
 
-__all__ = ["DEVIATIONS", "RADIUS_FACTOR", "certify_in_spacetime"]
-
-RADIUS_FACTOR = 0.95
-"""Smallest circumscribed radius as a share of R_min (C0-9)."""
+__all__ = ["DEVIATIONS", "certify_in_spacetime"]
 
 DEVIATIONS = 3.0
 """Up to `valid_until` nothing is touched should every body be off by so many of its standard deviations."""
@@ -54,7 +52,8 @@ def certify_in_spacetime(
         `accepted` only if for all times of the path, along its links and not at its points only, the centre of the
         robot keeps d_s + tracking tolerance from every body and from the border of the workspace, and from every
         other robot its `distance` + twice the tolerance (both may be off their paths), also from those who pass the
-        end of the path later; links, circumscribed radii (C0-9), start and arrival (C0-16) hold.
+        end of the path later; links, one by one and together (a robot at its speed is nowhere behind its timed path
+        by more than the tolerance), circumscribed radii (C0-9), start and arrival (C0-16) hold.
         `valid_until`: until then the robot may follow the path and stand at its end [s], see Notes.
         `least_clearance`: to bodies and workspace [m]; `least_separation`: to the centres of other robots [m]; both
         over the whole path, infinite without any.
@@ -73,15 +72,14 @@ def certify_in_spacetime(
     demanded to the robot that stands at its end (C2-14).
     """
     check = _Check(path, problem, settings)
-    radius = check.least_radius()
-    reason = check.shape_fault(radius) or check.fault()
+    reason = shape_fault(path, problem, settings) or check.fault()
     return Certificate(
         robot_id=problem.robot.id,
         accepted=not reason,
         valid_until=check.valid_until() if not reason else path.start_time,
         least_clearance=check.least_clearance,
         least_separation=min((gap.least for gap in check.gaps), default=math.inf),
-        least_radius=radius,
+        least_radius=least_radius(path),
         area_stamp=problem.start_time,
         path_digest=path.digest(),
         reason=reason,
@@ -136,68 +134,6 @@ class _Check:
             ends = np.concatenate((ends, [ends[-1], ends[-1, [1, 1]]]))
         return _Pieces(times, ends)
 
-    # --- shape
-
-    def least_radius(self) -> float:
-        """Least circumscribed radius abc / (4 area) of three successive points [m] (C0-9)."""
-        if len(self.points) < 3 or self.path.turn_to is not None:
-            return math.inf
-        before, after = self.points[1:-1] - self.points[:-2], self.points[2:] - self.points[1:-1]
-        sides = np.hypot(*before.T) * np.hypot(*after.T) * np.hypot(*(before + after).T)
-        doubled = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            radius = np.where(doubled > 1e-12, sides / (2.0 * doubled), math.inf)
-        radius[np.einsum("ij,ij->i", before, after) <= 0.0] = 0.0
-        return float(radius.min())
-
-    def shape_fault(self, least_radius: float) -> str:
-        """Reason why the path cannot be driven or does not lead to the target, or an empty string."""
-        start = self.problem.start.position
-        if not (offset := math.dist(self.points[0], start)) <= 1e-6:
-            return f"the path starts {offset:.3f} m away from the robot"
-        if self.path.turn_to is not None:
-            if (moved := float(np.abs(self.points - self.points[0]).max())) > 0.0:
-                return f"a turn in place moves by {moved:.3f} m"
-            return "" if self.robot.can_turn_in_place else f"robot {self.robot.id} cannot turn in place"
-        link = self.robot.speed * self.path.step
-        if (rest := math.dist(self.points[-1], self.problem.target)) > link + _ROUNDING:
-            return f"the path ends {rest:.3f} m from the target, a link has {link:.3f} m"
-        return self._link_fault(link) or self._heading_fault() or self._radius_fault(least_radius)
-
-    def _link_fault(self, nominal: float) -> str:
-        links = np.hypot(*np.diff(self.points, axis=0).T)
-        longest = self.settings.longest_link
-        wrong = links > longest * nominal + _ROUNDING
-        wrong[:-1] |= links[:-1] < (2.0 - longest) * nominal - _ROUNDING
-        if not wrong.any():
-            return ""
-        first = int(np.argmax(wrong))
-        return (
-            f"link {first} at {_place(self.points[first])} is {links[first]:.3f} m long, "
-            f"the robot covers {nominal:.3f} m in a step"
-        )
-
-    def _heading_fault(self) -> str:
-        """A base that turns in place turns before it starts (C2-11)."""
-        if self.robot.can_turn_in_place or len(self.points) < 2:
-            return ""
-        way = self.points[1] - self.points[0]
-        angle = abs(math.remainder(math.atan2(way[1], way[0]) - self.problem.start.heading, 2.0 * math.pi))
-        reach = math.hypot(*way) / (2.0 * RADIUS_FACTOR * self.robot.min_turn_radius)
-        limit = math.asin(min(1.0, reach))
-        if angle <= limit + 1e-6:
-            return ""
-        off, allowed = math.degrees(angle), math.degrees(limit)
-        return f"the path starts {off:.1f} deg off the heading, allowed {allowed:.1f} deg"
-
-    def _radius_fault(self, least_radius: float) -> str:
-        limit = RADIUS_FACTOR * self.robot.min_turn_radius
-        if least_radius >= limit - _ROUNDING:
-            return ""
-        return f"the least radius of the path is {least_radius:.3f} m, the robot needs {limit:.3f} m"
-
-    # --- distances
-
     @cached_property
     def bodies(self) -> list[BaseGeometry]:
         """Outlines at their stamps; one that crosses itself counts as its convex hull."""
@@ -231,11 +167,11 @@ class _Check:
     def _doubts(self) -> FloatArray:
         """By how much bodies may be elsewhere at the end of every piece, shape (B, M) [m]."""
         obstacles = self.problem.obstacles
-        place = np.array([body.position_deviation for body in obstacles])[:, None]
+        offset = np.array([body.position_deviation for body in obstacles])[:, None]
         speed = np.array([body.velocity_deviation for body in obstacles])[:, None]
         stamps = np.array([body.stamp for body in obstacles])[:, None]
         age = np.abs(self.pieces.times[:, 1] - stamps)
-        doubts: FloatArray = DEVIATIONS * (place + speed * age)
+        doubts: FloatArray = DEVIATIONS * (offset + speed * age)
         return doubts
 
     @cached_property
@@ -278,9 +214,9 @@ class _Check:
             wrong = (self.walls < demanded) | (self.walls <= 0.0)
             if wrong.any():
                 first = int(np.argmax(wrong))
-                place = self.pieces.ends[first].mean(axis=0)
+                where = self.pieces.ends[first].mean(axis=0)
                 text = f"{self.walls[first]:.3f} m from the border of the workspace"
-                failures.append(self._told(text, place, self.pieces.times[first, 0], demanded[first]))
+                failures.append(self._told(text, where, self.pieces.times[first, 0], demanded[first]))
         return min(failures)[1] if failures else ""
 
     def _failure(self, index: int, piece: int, demanded: FloatArray) -> tuple[float, str]:
@@ -293,12 +229,12 @@ class _Check:
         share = float(np.clip((nearest - seen[0]) @ way / max(float(way @ way), 1e-18), 0.0, 1.0))
         (begin, end), (here, there) = self.pieces.times[piece], self.pieces.ends[piece]
         text = f"{self.distances[index, piece]:.3f} m from body {body.id}"
-        place, time = here + share * (there - here), begin + share * (end - begin)
-        return self._told(text, place, time, demanded[piece])
+        where, time = here + share * (there - here), begin + share * (end - begin)
+        return self._told(text, where, time, demanded[piece])
 
-    def _told(self, text: str, place: FloatArray, time: float, demanded: float) -> tuple[float, str]:
+    def _told(self, text: str, where: FloatArray, time: float, demanded: float) -> tuple[float, str]:
         after = time - self.path.start_time
-        return time, f"{text} at {_place(place)} after {after:.2f} s, demanded {demanded:.3f} m"
+        return time, f"{text} at {place(where)} after {after:.2f} s, demanded {demanded:.3f} m"
 
     def _gap(self, other: OtherRobot) -> _Gap:
         """Compare with a robot, up to the later end of both; between common knots both move uniformly."""
@@ -323,8 +259,6 @@ class _Check:
         first = int(np.argmax(wrong))
         text = f"{nearest[first]:.3f} m from robot {other.id}"
         return _Gap(least, self._told(text, own[first], float(times[first]), float(demanded[first])))
-
-    # --- how long it holds
 
     def valid_until(self) -> float:
         """Until when a path without fault holds [s]."""
@@ -351,8 +285,8 @@ class _Check:
         for _ in range(_ADVANCES):
             if time > _REACH + self.path.end_time:
                 return math.inf
-            place = shapely.Point(end - body.velocity * (time - body.stamp))
-            distance = float(shapely.distance(place, geometry)) - body.radius
+            centre = shapely.Point(end - body.velocity * (time - body.stamp))
+            distance = float(shapely.distance(centre, geometry)) - body.radius
             doubt = DEVIATIONS * body.position_deviation + doubt_speed * abs(time - body.stamp)
             left = min(distance - self.margin, distance - doubt - touch if doubt > 0.0 else math.inf)
             if left <= _STALL:
@@ -386,7 +320,3 @@ def _least_norms(offsets: FloatArray) -> FloatArray:
     share = np.clip(-np.einsum("ij,ij->i", first, way) / np.maximum(square, 1e-300), 0.0, 1.0)
     least: FloatArray = np.linalg.norm(first + share[:, None] * way, axis=1)
     return least
-
-
-def _place(point: FloatArray) -> str:
-    return f"({point[0]:.2f}, {point[1]:.2f})"

@@ -38,6 +38,8 @@ class Judgement:
     gap : float
         Travel time above its lower bound, as a share of it; NaN without a plan. Of travel time and length over speed
         the larger one counts.
+    too_fast : bool
+        Whether the plan is faster than any that keeps the safety margin can be: there is no such plan.
     clearance : float
         Least distance from bodies and workspace at every 0.05 s [m]; infinite without a plan.
     clearance_between : float
@@ -51,6 +53,7 @@ class Judgement:
     feasible: bool
     reason: str
     gap: float = math.nan
+    too_fast: bool = False
     clearance: float = math.inf
     clearance_between: float = math.inf
     candidates: int = 0
@@ -77,7 +80,10 @@ def judge_case(case: SpacetimeCase, seed: int = 0) -> Judgement:
     spent = clock.process_time() - begin
     sampled, least = true_clearance(problem, plan.path)
     gap = max(plan.travel_time, plan.path.length / problem.robot.speed) / bound.time - 1.0
-    return Judgement(feasible, "", gap, sampled, least, len(plan.candidates), spent)
+    # A robot that follows at its speed is behind by the tolerance at most, and keeps the safety margin.
+    behind = case.settings.tracking_tolerance / problem.robot.speed
+    too_fast = plan.travel_time < travel_bound(problem, case.settings.safety_margin).time - behind - 1e-6
+    return Judgement(feasible, "", gap, too_fast, sampled, least, len(plan.candidates), spent)
 
 
 def true_clearance(problem: SpacetimeProblem, path: TimedPath) -> tuple[float, float]:

@@ -106,6 +106,23 @@ def test_a_bent_or_short_chain_is_refused(change: tuple[int, tuple[float, float]
     assert refused(check(points), words)
 
 
+def test_links_that_are_a_little_too_long_add_up() -> None:
+    """A robot at its speed falls behind: 1 % of 15 links is 2.2 cm."""
+    for share, count, accepted in (
+        (1.01, 15, False),
+        (1.01, 13, True),
+        (1.003, 40, True),
+        (1.004, 40, False),
+    ):
+        points = straight(count) * np.array([share, 1.0])
+        assert check(points, target=points[-1]).accepted == accepted
+    assert refused(check(straight() * np.array([1.01, 1.0])), "m behind its timed path, tolerated 0.020 m")
+    # What short links leave in reserve counts only afterwards.
+    uneven = np.concatenate((np.full(20, 0.99), np.full(20, 1.01))) * LINK
+    late = np.column_stack((np.concatenate(([0.0], np.cumsum(uneven))), np.zeros(41)))
+    assert refused(check(late), "behind its timed path")
+
+
 def test_the_radius_is_that_of_the_robot() -> None:
     def circle(radius: float) -> FloatArray:
         turn = 2.0 * math.asin(LINK / (2.0 * radius)) * np.arange(10)

@@ -61,7 +61,7 @@ def test_random_static_problems(count: int, record_property: Callable[[str, obje
     found = gaps(series)
     assert np.median(found) <= 0.03
     assert np.percentile(found, 95) <= 0.10
-    assert found.min() > -1e-3
+    assert not any(judgement.too_fast for _, judgement in series)
     assert all(judgement.reason for _, judgement in series if not judgement.feasible)
 
 
@@ -74,7 +74,7 @@ def test_random_dynamic_problems(count: int, record_property: Callable[[str, obj
     found = gaps(series)
     assert len(found) >= 0.9 * count
     assert np.median(found) <= 0.05
-    assert found.min() > -1e-3
+    assert not any(judgement.too_fast for _, judgement in series)
 
 
 @pytest.mark.parametrize("kind", KINDS)
