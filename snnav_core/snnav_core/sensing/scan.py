@@ -263,7 +263,9 @@ def detect_planar(
     free = _free_lengths(scan, classes, settings)
     surface = np.where(classes <= _CUT, scan.ranges, np.where(classes == _INF_FREE, np.inf, 0.0))
     limits = settings.jump_ratio, settings.jump_distance
-    fan = BeamFan(free, scan.angle_min, scan.angle_increment, *limits, surface=surface)
+    fan = BeamFan(
+        free, scan.angle_min, scan.angle_increment, *limits, surface=surface, accuracy=settings.range_accuracy
+    )
     beam = np.flatnonzero(classes <= _CUT)
     angles = pose.heading + scan.angles[beam]
     returns = pose.position + scan.ranges[beam, None] * np.column_stack((np.cos(angles), np.sin(angles)))

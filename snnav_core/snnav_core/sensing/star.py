@@ -18,6 +18,8 @@ _TURN = 2.0 * math.pi
 _SAME_BEAM = 1e-3  # fraction of an increment: a beam this close to a full turn counts as a repetition
 _ALIGNED = 1e-6  # fraction of an increment: directions that coincide
 _ON_OUTLINE = 1e-6  # [m]: the returns of a scan lie on its own outline, but for rounding
+_NOISE = 0.5  # of the accuracy of a length: a difference that noise explains
+_SAME_POINT = 1e-9  # [m]
 _CLOSING_GAP = 1.5  # a gap of so many increments between the last and the first beam still closes the circle
 
 
@@ -38,6 +40,8 @@ class BeamFan:
     surface : ndarray, shape (B,), optional
         Distance of the surface that each beam measured, infinite without one [m]: a beam that ends free, at the limit
         of the range, goes on behind no surface, however near the next return is.
+    accuracy : float
+        The free lengths end this far in front of the surfaces [m]; half of it explains a difference between neighbours.
     """
 
     free: FloatArray
@@ -47,6 +51,7 @@ class BeamFan:
     jump_distance: float
     measured: FloatArray | None = None
     surface: FloatArray | None = None
+    accuracy: float = 0.0
 
     @property
     def increment(self) -> float:
@@ -113,7 +118,9 @@ def star_rings(fan: BeamFan, pose: Pose2D, corners: bool = True) -> tuple[FloatA
     lengths = np.column_stack((np.where(jump, shorter, near), np.where(jump, shorter, far)))
     middle, found = np.zeros((len(jump), 2)), np.zeros(len(jump), dtype=np.bool_)
     if corners:
-        lengths, middle, found = continue_surfaces(lengths, measured, directions, jump_measured, closed)
+        hit = np.where(measured > 0.0, np.maximum(surface - fan.accuracy, measured), 0.0)
+        noise = _NOISE * fan.accuracy
+        lengths, middle, found = continue_surfaces(lengths, hit, directions, jump_measured, closed, noise)
     outline = np.stack((lengths[:, :1] * directions[:-1], middle, lengths[:, 1:] * directions[1:]), axis=1)
     return _collect(outline, found, shorter > 0.0, pose.position, closed)
 
@@ -150,7 +157,7 @@ def _collect(
         outline, seen = np.roll(outline, shift, axis=0), np.roll(seen, shift)
         has_corner = np.roll(has_corner, shift)
     # the first point of a wedge repeats the last one of the wedge before it unless there is a jump
-    differs = np.any(outline[:, 0] != np.roll(outline[:, 2], 1, axis=0), axis=1)
+    differs = np.any(np.abs(outline[:, 0] - np.roll(outline[:, 2], 1, axis=0)) > _SAME_POINT, axis=1)
     keep = np.column_stack((differs, has_corner, np.ones(len(seen), dtype=np.bool_)))
     points = origin + outline
     if whole_circle:

@@ -125,12 +125,12 @@ def test_a_sensor_that_stops_loses_its_part_at_the_speed_of_things_and_others_do
 def test_the_last_usable_scan_of_every_silent_sensor_is_told() -> None:
     for speed in (0.0, SPEED):
         one = fusion(3, boundary_speed=speed, max_scan_age=1.0)
-        one.add_scan("s0", scan(0.0))
+        seen = one.add_scan("s0", scan(0.0)).polygon
         one.add_scan("s1", scan(1.0))
         part, never = one.area(1.5).lost[0], one.area(1.5).lost[1]
         assert [lost.sensor_id for lost in one.area(1.5).lost] == ["s0", "s2"]
         assert (part.stamp, never.stamp) == (0.0, None)
-        assert shapely.equals(part.region, seen_by(0))
+        assert shapely.equals(part.region, seen)
         assert never.region.is_empty
         assert one.area(1.6).lost[0].stamp == 0.0
         one.add_scan("s0", scan(1.6))

@@ -246,7 +246,8 @@ def test_a_full_circle_is_one_ring_without_the_sensor(beams: int, repeated: bool
 @pytest.mark.parametrize(("beams", "degrees"), [(180, 1.0), (181, 1.0), (361, 0.5), (541, 0.5), (1081, 0.25)])
 def test_a_sector_starts_at_the_sensor(beams: int, degrees: float) -> None:
     increment = math.radians(degrees)
-    (ring,) = detect(scan_of(np.full(beams, 3.0), -1.0, increment), pose=Pose2D(1.0, 2.0, 0.0)).rings
+    scan = PlanarScan(0.0, np.full(beams, math.inf), -1.0, increment, 0.05, 3.0)
+    (ring,) = detect(scan, ScanSettings(inf_is_free=True), Pose2D(1.0, 2.0, 0.0)).rings
     assert ring[0].tolist() == [1.0, 2.0]
     assert len(ring) == beams + 1
     assert_allclose(shapely.Polygon(ring).area, 0.5 * (beams - 1) * 9.0 * math.sin(increment))
@@ -272,9 +273,9 @@ def test_the_repeated_first_beam_counts_with_its_shorter_value() -> None:
 
 
 def test_unknown_beams_split_the_area_into_runs_that_meet_at_the_sensor() -> None:
-    ranges = np.full(360, 5.0)
+    ranges = np.full(360, math.inf)
     ranges[[10, 200, 201]] = math.nan
-    area = detect(full_circle(ranges))
+    area = detect(full_circle(ranges), ScanSettings(inf_is_free=True))
     assert [len(ring) for ring in area.rings] == [1 + 189, 1 + 168]
     assert all(ring[0].tolist() == [0.0, 0.0] for ring in area.rings)
     assert isinstance(area.polygon, shapely.MultiPolygon)
@@ -289,9 +290,11 @@ def test_a_single_beam_between_unknown_ones_encloses_nothing_but_keeps_its_retur
 
 def test_a_jump_ends_at_the_shorter_beam_and_a_slope_at_the_chord() -> None:
     jump = detect(scan_of([2.0, 2.0, 6.0, 6.0], 0.0, 0.01))
-    assert_allclose(np.linalg.norm(jump.rings[0], axis=1), [0.0, 2.0, 2.0, 2.0, 6.0, 6.0])
+    (ring,) = star_rings(jump.fan, ORIGIN, corners=False)
+    assert_allclose(np.linalg.norm(ring, axis=1), [0.0, 2.0, 2.0, 2.0, 6.0, 6.0])
     slope = detect(scan_of([2.0, 2.1, 2.2, 2.3], 0.0, 0.01))
-    assert_allclose(np.linalg.norm(slope.rings[0], axis=1), [0.0, 2.0, 2.1, 2.2, 2.3])
+    (ring,) = star_rings(slope.fan, ORIGIN, corners=False)
+    assert_allclose(np.linalg.norm(ring, axis=1), [0.0, 2.0, 2.1, 2.2, 2.3])
 
 
 @given(scans(), poses)

@@ -14,8 +14,8 @@ from snnav_core.sensing.star import BeamFan, shorten_fan, star_rings
 from snnav_core.types import FloatArray, Pose2D
 
 
-def region(fan: BeamFan, pose: Pose2D) -> shapely.MultiPolygon:
-    return shapely.MultiPolygon([shapely.Polygon(ring) for ring in star_rings(fan, pose)])
+def region(fan: BeamFan, pose: Pose2D, corners: bool = True) -> shapely.MultiPolygon:
+    return shapely.MultiPolygon([shapely.Polygon(ring) for ring in star_rings(fan, pose, corners)])
 
 
 def fan_of(generator: np.random.Generator, beams: int, increment: float) -> BeamFan:
@@ -70,5 +70,6 @@ def test_a_jump_before_stays_a_jump_when_the_longer_beam_is_shortened() -> None:
     shortened = replace(fan, free=np.array([5.0, 5.0, 5.2, 5.2]), measured=fan.free)
     pose = Pose2D(0.0, 0.0, 0.0)
     beside = shapely.Point(5.15 * math.cos(0.095), 5.15 * math.sin(0.095))
-    assert not region(shortened, pose).contains(beside)
-    assert region(replace(shortened, measured=None), pose).contains(beside)
+    for corners in (True, False):
+        assert not region(shortened, pose, corners).contains(beside)
+    assert region(replace(shortened, measured=None), pose, corners=False).contains(beside)
