@@ -43,7 +43,7 @@ _PAUSE = (
 _CANDIDATES = 3  # in a crowd at most so many are adjusted in a search: what bars one mostly bars the next
 _RETRY, _CROWD_RETRY = 2, 3  # a fruitless search is repeated every so many steps while things change
 _DETOUR = 1.2  # a path certified for a part of the window is left for one at most so much longer ...
-_LEAST_PATIENCE = 2  # ... unless fewer than so many sampling intervals are left
+_MOST = 0.7  # ... unless it holds for less than this share of the window
 
 _REASONS: dict[type[PlanningError], StopReason] = {
     StartBlocked: StopReason.START_BLOCKED,
@@ -310,7 +310,8 @@ def _replaces(attempt: Attempt, plan: PlannedPath, best: PlannedPath, hurried: b
     """Whether a new path is worth leaving the last one: shorter, or safe for longer without a great detour."""
     if not hurried and attempt.is_full(plan) != attempt.is_full(best):
         left = best.certificate.valid_until - attempt.time
-        patient = left > _LEAST_PATIENCE * attempt.settings.sampling_interval - 1e-6
+        window = attempt.settings.time_window * attempt.settings.sampling_interval
+        patient = left > _MOST * window - 1e-6
         return attempt.is_full(plan) and (not patient or plan.path.length < _DETOUR * best.path.length)
     return plan.path.length < (1.0 - attempt.settings.switch_gain) * best.path.length
 
