@@ -42,7 +42,7 @@ _PAUSE = (
 )
 _CANDIDATES = 3  # in a crowd at most so many are adjusted in a search: what bars one mostly bars the next
 _RETRY, _CROWD_RETRY = 2, 3  # a fruitless search is repeated every so many steps while things change
-_DETOUR = 1.2  # a path certified for a part of the window is left for one at most so much longer ...
+_DETOUR = 1.3  # a path certified for a part of the window is left for one at most so much longer ...
 _MOST = 0.7  # ... unless it holds for less than this share of the window
 
 _REASONS: dict[type[PlanningError], StopReason] = {
