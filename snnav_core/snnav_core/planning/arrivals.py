@@ -15,7 +15,7 @@ from snnav_core.types import Certificate, FloatArray, TimedPath
 
 __all__ = ["Arrivals"]
 
-_SETTLING_PASSES = 3000  # C0-15
+_SETTLING_PASSES = 6000  # C0-15
 _LATE = 0.5  # share of the tracking tolerance that may be lost to points that are early or late ...
 _LEAST_LATE = 0.02  # ... and share of the link length that may be
 _SAME = 0.2  # of the link length: candidates nowhere farther apart than this are the same path

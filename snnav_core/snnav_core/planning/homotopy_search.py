@@ -23,7 +23,7 @@ _MOST_PASSES = 60  # for a point, while a chain grows
 _PATIENCE = 1.25  # others go on as long as they may arrive within so many times of the least travel time
 _ROUNDS = 1.25  # perimeters of a body along which it is followed without getting past it
 _SAME = 0.1  # of the link length: candidates nowhere farther apart than this are the same
-_WORK, _ENOUGH_WORK = 2e7, 3e6  # passes times points of all candidates, at most, and once there is an answer
+_WORK, _ENOUGH_WORK = 6e6, 2e6  # passes times points of all candidates, at most, and once there is an answer
 
 
 @dataclass(eq=False)

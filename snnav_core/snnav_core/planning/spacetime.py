@@ -24,7 +24,7 @@ from snnav_core.planning.spacetime_problem import (
 )
 from snnav_core.planning.spacetime_world import Layout, TurningReserve, lay_out
 from snnav_core.planning.travel_bound import travel_bound
-from snnav_core.types import Certificate, TimedPath
+from snnav_core.types import Certificate, FloatArray, TimedPath
 
 __all__ = ["plan_in_spacetime", "plan_in_turn", "readjust"]
 
@@ -81,11 +81,13 @@ def plan_in_spacetime(
     if math.isinf(bound):
         raise unreachable(problem, layout)
     failure: NoPathFound | None = None
+    tried: list[FloatArray] = []
     for reserve in TurningReserve:
-        other = lay_out(problem, settings, reserve)
-        if failure is not None and (other.world.kept[:, 0] == layout.world.kept[:, 0]).all():
+        layout = lay_out(problem, settings, reserve)
+        kept = layout.world.kept[:, 0]
+        if any((kept == other).all() for other in tried):
             continue
-        layout = other
+        tried.append(kept)
         arrivals = Arrivals(problem, settings, layout)
         seeds = _given(problem, layout, arrivals, previous, _NEAR * bound)
         try:

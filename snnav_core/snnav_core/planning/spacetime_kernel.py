@@ -22,7 +22,8 @@ __all__ = ["Gains", "World", "longest_and_shortest", "relax"]
 
 _TINY = 1e-12
 _TOUCHING = -1e-9  # [m]
-_WEDGE = 10  # pushes out of two bodies that are touched at once, in turn
+_WEDGE, _INSIDE = 5, 1e-7  # moves out of two bodies that are touched at once; how exact [m]
+_ACUTE = 0.1  # sine of the angle between two bodies below which there is no way out of their wedge
 _QUIET = 5  # passes in which everything is small before rest counts
 _ATTRACTION = 2.0  # largest attraction to the followed body as a multiple of G_P
 _SHORTEST = 0.3  # rest length of a link as a share of L: the tension of a chain is bounded
@@ -100,7 +101,6 @@ def _keep_out(world, first, n, p, velocity, force, memory):  # type: ignore[no-u
     """
     vertices, offsets, shifts, circles = world.vertices, world.offsets, world.shifts, world.circles
     kept, ends, count = world.kept, world.ends, len(world.shifts)
-    bounded = len(world.border[0]) > 0
     for i in range(first, n + 1):
         x, y = p[i, 0], p[i, 1]
         moved = math.sqrt((x - memory[i, 0]) ** 2 + (y - memory[i, 1]) ** 2) * STEEPEST
@@ -113,43 +113,78 @@ def _keep_out(world, first, n, p, velocity, force, memory):  # type: ignore[no-u
             else:
                 rho, nx, ny = outline_distance(vertices, offsets, shifts, circles, body, i, x, y)
             _push(i, rho - demanded(kept, ends, body, x, y), nx, ny, p, velocity, force)
-            continue
-        nearest, least, second = 0, math.inf, math.inf
-        contacts, one, other, ox, oy = 0, 0, 0, 0.0, 0.0
-        for body in range(count + 1):
-            if body < count:
-                spare = circle_distance(shifts, circles, body, i, p[i, 0], p[i, 1]) - kept[body, 0]
-                if spare >= second:
-                    continue
-                if spare < kept[body, 0]:
-                    rho, nx, ny = outline_distance(
-                        vertices, offsets, shifts, circles, body, i, p[i, 0], p[i, 1]
-                    )
-                    spare = rho - demanded(kept, ends, body, p[i, 0], p[i, 1])
-            elif bounded:
-                rho, nx, ny = border_distance(world, p[i, 0], p[i, 1])
-                spare = rho - demanded(kept, ends, body, p[i, 0], p[i, 1])
-            else:
+        else:
+            _look_around(world, i, p, velocity, force, memory)
+
+
+@numba.njit(cache=True, nogil=True)
+def _look_around(world, i, p, velocity, force, memory):  # type: ignore[no-untyped-def]
+    """Put point i out of all bodies, and remember how near they are."""
+    vertices, offsets, shifts, circles = world.vertices, world.offsets, world.shifts, world.circles
+    kept, ends, count = world.kept, world.ends, len(world.shifts)
+    x, y = p[i, 0], p[i, 1]
+    nearest, least, second = 0, math.inf, math.inf
+    contacts, one, other, ox, oy = 0, 0, 0, 0.0, 0.0
+    for body in range(count + 1):
+        spare = math.inf
+        if body < count:
+            spare = circle_distance(shifts, circles, body, i, p[i, 0], p[i, 1]) - kept[body, 0]
+            if spare >= second:
                 continue
-            if spare < -_TOUCHING:
-                _push(i, spare, nx, ny, p, velocity, force)
-                _corner(i, contacts, ox, oy, velocity, force)
-                contacts, one, other, ox, oy = contacts + 1, other, body, nx, ny
-            if spare < least:
-                nearest, least, second = body, spare, least
-            else:
-                second = min(second, spare)
-        for push in range(_WEDGE if contacts > 1 else 0):
-            # out of the wedge between two bodies, in turn
-            body = one if push % 2 == 0 else other
-            if body == count:
-                rho, nx, ny = border_distance(world, p[i, 0], p[i, 1])
-            else:
+            if spare < kept[body, 0]:
                 rho, nx, ny = outline_distance(vertices, offsets, shifts, circles, body, i, p[i, 0], p[i, 1])
-            _push(i, rho - demanded(kept, ends, body, p[i, 0], p[i, 1]), nx, ny, p, velocity, force)
-        memory[i, 0], memory[i, 1], memory[i, 4] = p[i, 0], p[i, 1], nearest
-        pushed = math.sqrt((p[i, 0] - x) ** 2 + (p[i, 1] - y) ** 2) * STEEPEST
-        memory[i, 2], memory[i, 3] = least - pushed, second - pushed
+                spare = rho - demanded(kept, ends, body, p[i, 0], p[i, 1])
+        elif len(world.border[0]) > 0:
+            rho, nx, ny = border_distance(world, p[i, 0], p[i, 1])
+            spare = rho - demanded(kept, ends, body, p[i, 0], p[i, 1])
+        if spare < -_TOUCHING:
+            _push(i, spare, nx, ny, p, velocity, force)
+            _corner(i, contacts, ox, oy, velocity, force)
+            contacts, one, other, ox, oy = contacts + 1, other, body, nx, ny
+        if spare < least:
+            nearest, least, second = body, spare, least
+        else:
+            second = min(second, spare)
+    if contacts > 1:
+        _out_of_wedge(world, i, one, other, p)
+    memory[i, 0], memory[i, 1], memory[i, 4] = p[i, 0], p[i, 1], nearest
+    pushed = math.sqrt((p[i, 0] - x) ** 2 + (p[i, 1] - y) ** 2) * STEEPEST
+    memory[i, 2], memory[i, 3] = least - pushed, second - pushed
+
+
+@numba.njit(cache=True, nogil=True)
+def _out_of_wedge(world, i, one, other, p):  # type: ignore[no-untyped-def]
+    """Put point i out of two bodies that it touches."""
+    for _ in range(_WEDGE):
+        x, y = p[i, 0], p[i, 1]
+        rho, ax, ay = distance(world, one, i, x, y)
+        one_spare = rho - demanded(world.kept, world.ends, one, x, y)
+        rho, bx, by = distance(world, other, i, x, y)
+        other_spare = rho - demanded(world.kept, world.ends, other, x, y)
+        if not _leave_wedge(i, one_spare, ax, ay, other_spare, bx, by, p):
+            return
+
+
+@numba.njit(cache=True, nogil=True)
+def _leave_wedge(i, one, ax, ay, other, bx, by, p):  # type: ignore[no-untyped-def]
+    """Move point i out of two bodies by the shortest way, as if both were straight; whether it was in one.
+
+    `one` and `other` are by how much it is farther than demanded, (ax, ay) and (bx, by) the ways out.
+    """
+    if one > -_INSIDE and other > -_INSIDE:
+        return False
+    cosine, sine = ax * bx + ay * by, ax * by - ay * bx
+    if one < 0.0 and other - one * cosine >= 0.0:
+        dx, dy = -one * ax, -one * ay
+    elif other < 0.0 and one - other * cosine >= 0.0:
+        dx, dy = -other * bx, -other * by
+    elif abs(sine) > _ACUTE:
+        dx, dy = (-one * by + other * ay) / sine, (one * bx - other * ax) / sine
+    else:
+        dx, dy = -0.5 * (one * ax + other * bx), -0.5 * (one * ay + other * by)
+    p[i, 0] += dx
+    p[i, 1] += dy
+    return True
 
 
 @numba.njit(cache=True, nogil=True)
