@@ -23,6 +23,8 @@ def test_every_executable_loads() -> None:
         "lms200_node",
         "fusion_node",
         "planner_node",
+        "tracker_node",
+        "global_planner_node",
         "robot_node",
         "clock_node",
         "operator_node",
