@@ -17,6 +17,7 @@ from snnav_core.planning.spacetime import plan_in_spacetime
 from snnav_core.planning.spacetime_problem import OtherRobot, SpacetimePlan, SpacetimeProblem
 from snnav_core.planning.travel_bound import travel_bound
 from snnav_core.types import (
+    PathSource,
     PlannedPath,
     Pose2D,
     RobotSpec,
@@ -263,18 +264,14 @@ class GlobalNavigator:
             return decision or self._refused(now, memory, reason), memory
         memory = replace(memory, tried=now.time)
         try:
-            found = self._set_out(now, memory.goal)
+            drives = decision is not None and decision.source is PathSource.SPACETIME
+            found = self._set_out(now.at_once() if drives else now, memory.goal)
         except PlanningError as error:
             memory = replace(memory, refusal=self._stop_for(error, now))
             if decision is None:
                 return self._refused(now, memory, reason), memory
             return decision, memory
-        if (
-            decision is not None
-            and journey is not None
-            and holds
-            and not self._is_better(now, found, journey)
-        ):
+        if holds and decision and journey and not self._is_better(now, found, journey):
             bodies = {body.id: body for body in now.bodies}
             return decision, replace(memory, journey=replace(journey, bodies=bodies), refusal=None)
         first = go_on(now, found)

@@ -40,7 +40,8 @@ class GlobalSettings:
     arrival_distance : float
         From the target [m].
     lead : int
-        Paths start at least so many sampling intervals after their decision. 0 where computing takes no time.
+        A robot that stands starts at least so many sampling intervals after the decision. 0 where computing takes no
+        time. One that drives goes on to another path without a stop.
     retry : int
         Where there is no path, or no better one, it is sought again after so many sampling intervals.
     switch_gain : float

@@ -78,6 +78,10 @@ class Situation:
         others = tuple(replace(other, distance=other.distance + reserve) for other in self.others)
         return SpacetimeProblem(self.robot, start, start_time, target, bodies, others, self.workspace)
 
+    def at_once(self) -> Situation:
+        """The same without `lead`: a robot that drives does not stop while a path is computed."""
+        return replace(self, settings=replace(self.settings, lead=0))
+
     def _doubt(self, body: MovingObstacle) -> float:
         age = max(self.window_end - body.stamp, 0.0)
         # what stands is slower than its deviation says
