@@ -28,6 +28,7 @@ setup(
         "Pillow>=9",
         "PyYAML>=6",
         "rich",
+        "trimesh",
     ],
     extras_require={"test": ["pytest", "pytest-timeout", "hypothesis"]},
     zip_safe=False,

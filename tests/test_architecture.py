@@ -26,11 +26,26 @@ SIMULATION, NODES, COMMAND_LINE = CORE, CORE + 1, CORE + 2
 # What each package may import besides the standard library and the packages below it.
 THIRD_PARTY = {
     "snnav_core": {"numpy", "scipy", "shapely", "numba"},
-    "snnav_sim": {"numpy", "scipy", "shapely", "numba", "yaml", "matplotlib", "PIL", "rich"},
+    "snnav_sim": {
+        "numpy",
+        "scipy",
+        "shapely",
+        "numba",
+        "yaml",
+        "matplotlib",
+        "PIL",
+        "rich",
+        "trimesh",
+        "embreex",
+    },
 }
 
-ROSDEP_KEYS = {"tf2_ros": "tf2_ros_py", "PIL": "pil"}
-WITHOUT_ROSDEP_KEY = {"rosbags", "rosidl_parser"}  # from requirements.txt, and what rclpy brings along
+ROSDEP_KEYS = {"tf2_ros": "tf2_ros_py", "PIL": "pil", "trimesh": "trimesh-pip"}
+WITHOUT_ROSDEP_KEY = {
+    "embreex",
+    "rosbags",
+    "rosidl_parser",
+}  # from requirements.txt, and what rclpy brings along
 
 LONGEST_MODULE = 400
 LONGEST_FUNCTION = 60

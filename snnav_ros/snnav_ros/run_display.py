@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from snnav_sim.report.record import RunRecord
-from snnav_sim.scene import Scene
+from snnav_sim.scene import AnyScene
 
 __all__ = ["RunDisplay", "make_console", "run_display"]
 
@@ -31,7 +31,7 @@ def make_console() -> Console:
 class RunDisplay:
     """Shows simulated time and how far the robots have to go: a line now and then where there is no terminal."""
 
-    def __init__(self, console: Console, scene: Scene) -> None:
+    def __init__(self, console: Console, scene: AnyScene) -> None:
         self._console, self._scene = console, scene
         self._last = -math.inf
 
@@ -47,8 +47,9 @@ class RunDisplay:
 
     def to_go(self, record: RunRecord) -> dict[str, float]:
         """Return how far every robot is from its target [m]."""
-        where = {robot.id: robot.start for robot in self._scene.robots}
-        where |= {name: (rows[-1][1], rows[-1][2]) for name, rows in record.samples.items() if rows}
+        places = {robot.id: len(robot.start) for robot in self._scene.robots}
+        where: dict[str, tuple[float, ...]] = {robot.id: robot.start for robot in self._scene.robots}
+        where |= {name: rows[-1][1 : 1 + places[name]] for name, rows in record.samples.items() if rows}
         return {robot.id: math.dist(where[robot.id], robot.last_target) for robot in self._scene.robots}
 
     def distances(self, record: RunRecord) -> str:
@@ -62,7 +63,7 @@ class RunDisplay:
 class _Bar(RunDisplay):
     """A bar on a terminal."""
 
-    def __init__(self, console: Console, scene: Scene, bar: Progress) -> None:
+    def __init__(self, console: Console, scene: AnyScene, bar: Progress) -> None:
         super().__init__(console, scene)
         self._bar = bar
         self._whole = sum(math.dist(robot.start, robot.last_target) for robot in scene.robots) or 1.0
@@ -77,7 +78,7 @@ class _Bar(RunDisplay):
 
 
 @contextmanager
-def run_display(console: Console, scene: Scene) -> Iterator[RunDisplay]:
+def run_display(console: Console, scene: AnyScene) -> Iterator[RunDisplay]:
     """Provide the display that fits the console; a bar goes away at the end."""
     if not console.is_terminal:
         yield RunDisplay(console, scene)

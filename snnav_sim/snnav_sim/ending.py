@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from snnav_core.types import StopReason
 from snnav_sim.scene_types import Scene
+from snnav_sim.space_types import SpaceScene
 
 __all__ = ["EndWatch"]
 
@@ -18,7 +19,7 @@ class EndWatch:
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or SpaceScene
 
     Notes
     -----
@@ -27,7 +28,7 @@ class EndWatch:
     will change. Before the time limit it never ends while a robot is still to join, to leave or to be re-targeted.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene | SpaceScene) -> None:
         self._scene = scene
         self._patience = _PATIENCE_MOVING if scene.movers else _PATIENCE_STATIC
         self._idle = 0
@@ -43,7 +44,7 @@ class EndWatch:
             Robot id -> value of the StopReason, for the robots without a path at this instant.
         """
         scene = self._scene
-        robots = [robot.id for robot in scene.robots if scene.is_present(robot, time)]
+        robots = scene.present(time)
         changes = scene.changes_after(time)
         under_way = [robot for robot in robots if stops.get(robot) != StopReason.ARRIVED.value]
         if not (under_way or changes):

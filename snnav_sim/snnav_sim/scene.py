@@ -7,12 +7,10 @@ import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import yaml
-
 from snnav_sim.scene_check import check_scene
 from snnav_sim.scene_faults import fault_entry
 from snnav_sim.scene_read import read_scene
+from snnav_sim.scene_text import degrees_of, document, outline_entry
 from snnav_sim.scene_types import (
     Circle,
     Fault,
@@ -24,9 +22,14 @@ from snnav_sim.scene_types import (
     SensorScene,
     Shape,
 )
-from snnav_sim.scene_yaml import SceneError, read_document
+from snnav_sim.scene_yaml import Field, SceneError, read_document
+from snnav_sim.space_check import check_space_scene
+from snnav_sim.space_read import is_in_space, read_space_scene
+from snnav_sim.space_types import SpaceScene
+from snnav_sim.space_write import dump_space_scene
 
 __all__ = [
+    "AnyScene",
     "Circle",
     "Fault",
     "Mover",
@@ -37,24 +40,44 @@ __all__ = [
     "SceneError",
     "SensorScene",
     "Shape",
+    "SpaceScene",
     "dump_scene",
     "find_scene",
     "list_scenes",
+    "load_any_scene",
     "load_scene",
+    "parse_any_scene",
     "parse_scene",
 ]
+
+AnyScene = Scene | SpaceScene
 
 _SHIPPED = Path(__file__).parent / "scenes"
 
 
 def load_scene(path: Path | str) -> Scene:
-    """Read and check a scene file.
+    """Read and check the file of a scene in the plane.
 
     Raises
     ------
     SceneError
         One line with file, line, key, value and remedy.
     """
+    return _planar(_read(path))
+
+
+def load_any_scene(path: Path | str) -> AnyScene:
+    """Read and check a scene file, in the plane or in space.
+
+    Raises
+    ------
+    SceneError
+        One line with file, line, key, value and remedy.
+    """
+    return _any(_read(path))
+
+
+def _read(path: Path | str) -> Field:
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
@@ -65,11 +88,33 @@ def load_scene(path: Path | str) -> Scene:
         ) from None
     except OSError as error:
         raise SceneError(f"{path}: cannot be read ({error.strerror}): give an existing scene file") from None
-    return parse_scene(text, str(path))
+    return read_document(text, str(path))
+
+
+def _planar(root: Field) -> Scene:
+    if is_in_space(root):
+        remedy = "only `snnav run --core` takes one; here give {polygon: [[x, y], ...]}"
+        root.children()["workspace"].fail("a scene in space", remedy)
+    scene = read_scene(root)
+    check_scene(root, scene)
+    return scene
+
+
+def _any(root: Field) -> AnyScene:
+    if not is_in_space(root):
+        return _planar(root)
+    scene = read_space_scene(root)
+    check_space_scene(root, scene)
+    return scene
+
+
+def parse_any_scene(text: str, source: str) -> AnyScene:
+    """Read and check a scene in the plane or in space from YAML text; see `parse_scene`."""
+    return _any(read_document(text, source))
 
 
 def parse_scene(text: str, source: str) -> Scene:
-    """Read and check a scene from YAML text.
+    """Read and check a scene in the plane from YAML text.
 
     Parameters
     ----------
@@ -82,15 +127,12 @@ def parse_scene(text: str, source: str) -> Scene:
     SceneError
         One line with file, line, key, value and remedy.
     """
-    root = read_document(text, source)
-    scene = read_scene(root)
-    check_scene(root, scene)
-    return scene
+    return _planar(read_document(text, source))
 
 
 def list_scenes() -> dict[str, str]:
     """Return the names of the scenes that come with the package and their descriptions, sorted."""
-    return {path.stem: load_scene(path).description for path in sorted(_SHIPPED.glob("*.yaml"))}
+    return {path.stem: load_any_scene(path).description for path in sorted(_SHIPPED.glob("*.yaml"))}
 
 
 def find_scene(name_or_path: str) -> Path:
@@ -119,8 +161,10 @@ def find_scene(name_or_path: str) -> Path:
     raise SceneError(f"{name_or_path}: no scene of this name (there are {', '.join(names)}): {hint}")
 
 
-def dump_scene(scene: Scene) -> str:
-    """Return the complete YAML of a scene; `parse_scene` gives back an equal one."""
+def dump_scene(scene: AnyScene) -> str:
+    """Return the complete YAML of a scene; `parse_any_scene` gives back an equal one."""
+    if isinstance(scene, SpaceScene):
+        return dump_space_scene(scene)
     head = {
         "name": scene.name,
         "description": scene.description,
@@ -132,36 +176,19 @@ def dump_scene(scene: Scene) -> str:
         "safety_margin": scene.safety_margin,
         "time_limit": scene.time_limit,
         "planner": scene.planner,
-        "workspace": _shape(scene.border),
+        "workspace": outline_entry(scene.border),
     }
-    lines = [f"{key}: {_flow(value)}" for key, value in head.items()]
     sections: dict[str, list[dict[str, Any]]] = {
-        "obstacles": [_shape(shape) for shape in scene.obstacles],
+        "obstacles": [outline_entry(shape) for shape in scene.obstacles],
         "movers": [_mover(mover) for mover in scene.movers],
         "sensors": [_sensor(sensor) for sensor in scene.sensors],
         "robots": [_robot(robot) for robot in scene.robots],
     }
-    for key, items in sections.items():
-        lines.append(f"{key}:" if items else f"{key}: []")
-        lines.extend(f"  - {_flow(item)}" for item in items)
-    return "\n".join(lines) + "\n"
-
-
-def _flow(value: Any) -> str:
-    text: str = yaml.safe_dump(
-        value, default_flow_style=True, sort_keys=False, width=2**30, allow_unicode=True, explicit_end=False
-    )
-    return text.removesuffix("\n").removesuffix("\n...")
-
-
-def _shape(shape: Shape) -> dict[str, Any]:
-    if isinstance(shape, Circle):
-        return {"circle": [shape.x, shape.y, shape.radius]}
-    return {"polygon": [list(vertex) for vertex in shape.vertices]}
+    return document(head, sections)
 
 
 def _mover(mover: Mover) -> dict[str, Any]:
-    entry: dict[str, Any] = {"id": mover.id, **_shape(mover.shape)}
+    entry: dict[str, Any] = {"id": mover.id, **outline_entry(mover.shape)}
     if mover.start is not None:
         return {**entry, "start": list(mover.start), "velocity": list(mover.velocity)}
     waypoints = [list(point) for point in mover.waypoints]
@@ -173,18 +200,18 @@ def _sensor(sensor: SensorScene) -> dict[str, Any]:
         "id": sensor.id,
         "device": sensor.device,
         "position": list(sensor.position),
-        "heading_deg": _degrees(sensor.heading),
-        "resolution_deg": _degrees(sensor.resolution),
+        "heading_deg": degrees_of(sensor.heading),
+        "resolution_deg": degrees_of(sensor.resolution),
         "range_min": sensor.range_min,
         "range_max": sensor.range_max,
         "no_return": sensor.no_return,
     }
     if sensor.device == "recorded":
-        entry["angle_min_deg"] = _degrees(sensor.angle_min)
+        entry["angle_min_deg"] = degrees_of(sensor.angle_min)
         if sensor.range_cut is not None:
             entry["range_cut"] = sensor.range_cut
         return {**entry, "ranges": list(sensor.ranges)}
-    entry["field_of_view_deg"] = _degrees(sensor.field_of_view)
+    entry["field_of_view_deg"] = degrees_of(sensor.field_of_view)
     entry |= {"noise": sensor.noise, "drop_out": sensor.drop_out, "error_codes": sensor.error_codes}
     if sensor.scan_period is not None:
         entry["scan_period"] = sensor.scan_period
@@ -196,7 +223,7 @@ def _robot(robot: RobotScene) -> dict[str, Any]:
     entry: dict[str, Any] = {
         "id": robot.id,
         "start": list(robot.start),
-        "heading_deg": _degrees(robot.heading),
+        "heading_deg": degrees_of(robot.heading),
         "target": list(robot.target),
         "speed": robot.speed,
         "max_turn_rate": robot.max_turn_rate,
@@ -209,13 +236,3 @@ def _robot(robot: RobotScene) -> dict[str, Any]:
     if robot.retargets:
         entry["retargets"] = [{"time": one.time, "target": list(one.target)} for one in robot.retargets]
     return entry
-
-
-def _degrees(angle: float) -> float:
-    """Return degrees that convert to exactly this angle, short ones first."""
-    degrees = math.degrees(angle)
-    for digits in range(16):
-        if math.radians(round(degrees, digits)) == angle:
-            return round(degrees, digits)
-    neighbours = (degrees, np.nextafter(degrees, math.inf), np.nextafter(degrees, -math.inf))
-    return float(next((value for value in neighbours if math.radians(value) == angle), degrees))

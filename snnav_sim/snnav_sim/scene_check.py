@@ -9,7 +9,7 @@ import shapely
 from snnav_sim.scene_types import Circle, Fault, Point, Scene, SensorScene, Shape
 from snnav_sim.scene_yaml import Field
 
-__all__ = ["check_scene"]
+__all__ = ["check_ids", "check_scene", "check_times", "items_of"]
 
 
 def check_scene(root: Field, scene: Scene) -> None:
@@ -29,8 +29,8 @@ def check_scene(root: Field, scene: Scene) -> None:
     entries = root.children()
     if not scene.sensors:
         entries["sensors"].fail("an empty list", "add at least one range finder: without any nothing is free")
-    _check_times(entries, scene)
-    _check_ids(entries)
+    check_times(entries, scene.sampling_interval, scene.control_period)
+    check_ids(entries)
     _check_events(entries, scene)
     _check_scanners(entries, scene)
     _check_places(entries, scene)
@@ -43,22 +43,23 @@ def check_scene(root: Field, scene: Scene) -> None:
         )
 
 
-def _check_times(entries: dict[str, Field], scene: Scene) -> None:
-    ratio = scene.sampling_interval / scene.control_period
+def check_times(entries: dict[str, Field], sampling_interval: float, control_period: float) -> None:
+    """Check that a whole number of control periods make a sampling interval."""
+    ratio = sampling_interval / control_period
     if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6:
         # the control period may be defaulted: then the interval is what the user can see
         field = entries.get("control_period", entries["sampling_interval"])
-        fitting = max(1, round(ratio)) * scene.control_period
+        fitting = max(1, round(ratio)) * control_period
         field.fail(
-            f"sampling_interval {scene.sampling_interval:g} s is no whole multiple of control_period "
-            f"{scene.control_period:g} s",
+            f"sampling_interval {sampling_interval:g} s is no whole multiple of control_period "
+            f"{control_period:g} s",
             f"give a control_period that divides it, or sampling_interval: {fitting:g}",
         )
 
 
 def _check_events(entries: dict[str, Field], scene: Scene) -> None:
     """What happens to a robot happens in order, while it is there, and at different sampling instants."""
-    for item, robot in zip(_items(entries, "robots"), scene.robots, strict=True):
+    for item, robot in zip(items_of(entries, "robots"), scene.robots, strict=True):
         children, join, leave = item.children(), scene.instant(robot.joins_at), scene.instant(robot.leaves_at)
         if leave <= join:
             children["leaves_at"].fail(
@@ -66,7 +67,7 @@ def _check_events(entries: dict[str, Field], scene: Scene) -> None:
                 f"give more than {join:g}",
             )
         before = join
-        for field, retarget in zip(_items(children, "retargets"), robot.retargets, strict=True):
+        for field, retarget in zip(items_of(children, "retargets"), robot.retargets, strict=True):
             place = field.children()["time"]
             if scene.instant(retarget.time) <= before:
                 place.fail(
@@ -81,7 +82,7 @@ def _check_events(entries: dict[str, Field], scene: Scene) -> None:
 
 
 def _check_scanners(entries: dict[str, Field], scene: Scene) -> None:
-    for item, sensor in zip(_items(entries, "sensors"), scene.sensors, strict=True):
+    for item, sensor in zip(items_of(entries, "sensors"), scene.sensors, strict=True):
         children, period = item.children(), scene.scan_period(sensor)
         if period < scene.control_period - 1e-9:
             children["scan_period"].fail(
@@ -93,7 +94,7 @@ def _check_scanners(entries: dict[str, Field], scene: Scene) -> None:
                 f"{sensor.scan_offset:g} is not below the time {period:g} s from scan to scan",
                 "give the time of the first scan",
             )
-        for field, fault in zip(_items(children, "faults"), sensor.faults, strict=True):
+        for field, fault in zip(items_of(children, "faults"), sensor.faults, strict=True):
             _check_fault(field, fault, sensor)
 
 
@@ -113,10 +114,11 @@ def _check_fault(field: Field, fault: Fault, sensor: SensorScene) -> None:
         )
 
 
-def _check_ids(entries: dict[str, Field]) -> None:
+def check_ids(entries: dict[str, Field]) -> None:
+    """Check that every sensor, robot and mover has its own id."""
     for key in ("sensors", "robots", "movers"):
         seen: dict[str, int] = {}
-        for item in _items(entries, key):
+        for item in items_of(entries, key):
             field = item.children()["id"]
             name = field.text()
             if name in seen:
@@ -126,7 +128,8 @@ def _check_ids(entries: dict[str, Field]) -> None:
             seen[name] = field.line
 
 
-def _items(entries: dict[str, Field], key: str) -> list[Field]:
+def items_of(entries: dict[str, Field], key: str) -> list[Field]:
+    """Return the fields of a list that may be left out."""
     return entries[key].items("a list") if key in entries else []
 
 
@@ -149,21 +152,21 @@ def _check_places(entries: dict[str, Field], scene: Scene) -> None:
             )
 
     solids = [_solid(shape) for shape in scene.obstacles]
-    for item, sensor in zip(_items(entries, "sensors"), scene.sensors, strict=True):
+    for item, sensor in zip(items_of(entries, "sensors"), scene.sensors, strict=True):
         field = item.children()["position"]
         check(field, sensor.position)
         for index, solid in enumerate(solids):
             if solid.contains(shapely.Point(sensor.position)) and not scene.recorded:
                 field.fail(f"the sensor is inside obstacles[{index}]", "move it out, it would be blind")
-    for item, robot in zip(_items(entries, "robots"), scene.robots, strict=True):
+    for item, robot in zip(items_of(entries, "robots"), scene.robots, strict=True):
         check(item.children()["start"], robot.start)
         check(item.children()["target"], robot.target)
-        for field, retarget in zip(_items(item.children(), "retargets"), robot.retargets, strict=True):
+        for field, retarget in zip(items_of(item.children(), "retargets"), robot.retargets, strict=True):
             check(field.children()["target"], retarget.target)
 
 
 def _check_speeds(entries: dict[str, Field], scene: Scene) -> None:
-    for item, robot in zip(_items(entries, "robots"), scene.robots, strict=True):
+    for item, robot in zip(items_of(entries, "robots"), scene.robots, strict=True):
         if scene.safety_margin < robot.radius:
             entries["safety_margin"].fail(
                 f"{scene.safety_margin:g} is below the radius {robot.radius:g} of {robot.id}",
@@ -175,7 +178,7 @@ def _check_speeds(entries: dict[str, Field], scene: Scene) -> None:
                 f"boundary_speed {scene.boundary_speed:g} is not below the speed {robot.speed:g} of {robot.id}",
                 "robots must be faster than any boundary (assumption of ch. 3)",
             )
-    for item, mover in zip(_items(entries, "movers"), scene.movers, strict=True):
+    for item, mover in zip(items_of(entries, "movers"), scene.movers, strict=True):
         if mover.top_speed > scene.boundary_speed * (1.0 + 1e-9):
             children = item.children()
             children.get("velocity", children.get("speed", item)).fail(
@@ -185,7 +188,7 @@ def _check_speeds(entries: dict[str, Field], scene: Scene) -> None:
 
 
 def _check_overlap(entries: dict[str, Field], scene: Scene) -> None:
-    items = _items(entries, "robots")
+    items = items_of(entries, "robots")
     for index, robot in enumerate(scene.robots):
         for other in scene.robots[:index]:
             together = scene.instant(robot.joins_at) == scene.instant(other.joins_at)

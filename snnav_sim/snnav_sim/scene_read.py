@@ -21,7 +21,17 @@ from snnav_sim.scene_types import (
 )
 from snnav_sim.scene_yaml import Field
 
-__all__ = ["LARGEST_SEED", "OPTIONAL", "REQUIRED", "SCANNER", "is_name", "read_scene"]
+__all__ = [
+    "LARGEST_SEED",
+    "OPTIONAL",
+    "REQUIRED",
+    "SCANNER",
+    "is_name",
+    "read_circle",
+    "read_id",
+    "read_polygon",
+    "read_scene",
+]
 
 LARGEST_SEED = 2**53  # up to here every whole number is a double: YAML, JSON and ROS parameters agree
 
@@ -110,15 +120,13 @@ def read_id(field: Field) -> str:
 
 
 def _workspace(field: Field) -> Polygon:
-    if "box" in field.children():
-        field.fail("a box", "scenes in space are not supported yet, write {polygon: [[x, y], ...]}")
     return read_polygon(field.mapping(("polygon",), ())["polygon"])
 
 
 def _shape(field: Field, entries: dict[str, Field]) -> Shape:
     if ("polygon" in entries) == ("circle" in entries):
         field.fail("needs one shape", "give either polygon: [[x, y], ...] or circle: [x, y, radius]")
-    return read_polygon(entries["polygon"]) if "polygon" in entries else _circle(entries["circle"])
+    return read_polygon(entries["polygon"]) if "polygon" in entries else read_circle(entries["circle"])
 
 
 def _obstacle(field: Field) -> Shape:
@@ -129,10 +137,14 @@ def _obstacle(field: Field) -> Shape:
 def _refuse_space(field: Field, keys: tuple[str, ...]) -> None:
     for key in field.children():
         if key in keys:
-            field.fail(f"key {key}", "scenes in space are not supported yet, write planar shapes and poses")
+            field.fail(
+                f"key {key}",
+                "this scene is in the plane; one in space begins with workspace: {box: ...}",
+            )
 
 
-def _circle(field: Field) -> Circle:
+def read_circle(field: Field) -> Circle:
+    """Return a disk."""
     items = field.items("[x, y, radius]")
     if len(items) != 3:
         field.fail(f"{field.quoted()}, expected 3", "write [x, y, radius]")

@@ -339,6 +339,10 @@ class Scene:
         """Whether a robot is in the workspace at a time [s]."""
         return self.instant(robot.joins_at) <= time + _SAME_TIME < self.instant(robot.leaves_at)
 
+    def present(self, time: float) -> list[str]:
+        """Names of the robots in the workspace at a time [s]."""
+        return [robot.id for robot in self.robots if self.is_present(robot, time)]
+
     def changes_after(self, time: float) -> bool:
         """Whether a robot still joins, leaves or gets another target after a sampling instant [s]."""
         times = [

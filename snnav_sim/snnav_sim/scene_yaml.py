@@ -211,7 +211,9 @@ class Field:
         """Return two finite coordinates [m]."""
         items = self.items(what)
         if len(items) == 3:
-            self.fail("a list of 3 coordinates", "scenes in space are not supported yet, write [x, y]")
+            self.fail(
+                "a list of 3 coordinates", f"write {what}; a scene in space has workspace: {{box: ...}}"
+            )
         if len(items) != 2:
             self.fail(f"{self.quoted()}, expected 2", f"write {what}")
         return items[0].number("m"), items[1].number("m")

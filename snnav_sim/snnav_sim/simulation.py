@@ -16,10 +16,13 @@ from snnav_sim.devices.base import PioneerBase
 from snnav_sim.ending import EndWatch
 from snnav_sim.pilot import pilot_of
 from snnav_sim.report.record import Decision, RunRecord
+from snnav_sim.scene import AnyScene
 from snnav_sim.scene_types import RobotScene, Scene
+from snnav_sim.simulation_flight import FlightSimulation
+from snnav_sim.space_types import SpaceScene
 from snnav_sim.world import World
 
-__all__ = ["Progress", "Simulation", "simulate"]
+__all__ = ["Progress", "Simulation", "simulate", "simulation_of"]
 
 Progress = Callable[[float, int], None]
 """Called once per sampling interval with the simulated time [s] and the number of robots that have arrived."""
@@ -163,7 +166,12 @@ class Simulation:
             self._fusion.add_state(state)
 
 
-def simulate(scene: Scene, seed: int | None = None, progress: Progress | None = None) -> RunRecord:
+def simulation_of(scene: AnyScene, seed: int | None = None) -> Simulation | FlightSimulation:
+    """Return the closed loop of a scene, in the plane or in space, ready to run; parameters as of `simulate`."""
+    return FlightSimulation(scene, seed) if isinstance(scene, SpaceScene) else Simulation(scene, seed)
+
+
+def simulate(scene: AnyScene, seed: int | None = None, progress: Progress | None = None) -> RunRecord:
     """Run a scene without ROS until all robots arrived, the time limit, or nothing will change any more.
 
     Parameters
@@ -178,4 +186,4 @@ def simulate(scene: Scene, seed: int | None = None, progress: Progress | None = 
     -------
     RunRecord
     """
-    return Simulation(scene, seed).run(progress)
+    return simulation_of(scene, seed).run(progress)

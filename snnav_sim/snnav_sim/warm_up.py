@@ -10,9 +10,13 @@ from snnav_core.obstacles import MovingObstacle
 from snnav_core.planning.spacetime import plan_in_spacetime
 from snnav_core.planning.spacetime_problem import SpacetimeProblem, SpacetimeSettings
 from snnav_core.types import Pose2D, RobotSpec
+from snnav_sim.raycast3d import cast_triangles
+from snnav_sim.report.flight_metrics import compute_flight_metrics
 from snnav_sim.report.metrics import compute_metrics
-from snnav_sim.scene import find_scene, load_scene
+from snnav_sim.scene import SpaceScene, find_scene, load_any_scene, load_scene
 from snnav_sim.simulation import Simulation
+from snnav_sim.simulation_flight import FlightSimulation
+from snnav_sim.space_world import triangle_distance
 
 __all__ = ["warm_up"]
 
@@ -23,7 +27,8 @@ def warm_up() -> None:
     Notes
     -----
     The small scene has circles and a single robot, the large one moving bodies, a memory and several robots:
-    together they call every kernel but those of the global planner, which plans a path of its own. A few seconds when
+    together they call every kernel but those of the global planner, which plans a path of its own, and those of
+    flight, which have a scene of their own. A few seconds when
     nothing is compiled yet, about one second afterwards.
     """
     for name, decisions in (("hello", 2), ("factory", 2)):
@@ -34,6 +39,7 @@ def warm_up() -> None:
                 simulation.move()
         compute_metrics(simulation.scene, simulation.record)
     _warm_up_global_planner()
+    _warm_up_flight()
     del simulation
     gc.collect()
     # All that numba has made stays: else every search for garbage, in the middle of a decision, takes 0.1 s.
@@ -48,6 +54,22 @@ def _warm_up_global_planner() -> None:
     start, target = Pose2D(0.0, 0.0, 0.0), np.array([6.0, 0.0])
     problem = SpacetimeProblem(robot, start, 0.0, target, (body,), workspace=(hall,))
     plan_in_spacetime(problem, SpacetimeSettings(), np.random.default_rng(0))
+
+
+def _warm_up_flight() -> None:
+    """Take two robots in space through a few decisions, past a mover, a prism and a mesh."""
+    scene = load_any_scene(find_scene("hello_flight"))
+    assert isinstance(scene, SpaceScene)
+    simulation = FlightSimulation(scene)
+    for _ in range(3):
+        simulation.decide()
+        for _ in range(scene.ticks_per_sample):
+            simulation.move()
+    compute_flight_metrics(scene, simulation.record)
+    origin, rays = np.zeros(3), np.eye(3)
+    triangle = np.array([[[1.0, -1.0, -1.0], [1.0, 1.0, -1.0], [1.0, 0.0, 1.0]]])
+    cast_triangles(origin, rays, triangle, np.full(3, np.inf))
+    triangle_distance(rays, triangle)
 
 
 if __name__ == "__main__":

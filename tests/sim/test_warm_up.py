@@ -10,8 +10,8 @@ from numba.core.registry import CPUDispatcher
 
 import snnav_core
 import snnav_sim
-from snnav_sim.scene import find_scene, list_scenes, load_scene
-from snnav_sim.simulation import Simulation
+from snnav_sim.scene import find_scene, list_scenes, load_any_scene
+from snnav_sim.simulation import simulation_of
 from snnav_sim.warm_up import warm_up
 
 
@@ -33,7 +33,7 @@ def test_nothing_is_compiled_after_the_warm_up() -> None:
     before = compiled()
     assert sum(count > 0 for count in before.values()) > 5
     for name in list_scenes():
-        simulation = Simulation(load_scene(find_scene(name)))
+        simulation = simulation_of(load_any_scene(find_scene(name)))
         for _ in range(3):
             simulation.decide()
             for _ in range(simulation.scene.ticks_per_sample):

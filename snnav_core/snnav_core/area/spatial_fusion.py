@@ -22,7 +22,6 @@ __all__ = ["SpatialFusion", "SpatialFusionSettings"]
 
 _SAME_STAMP = 1e-6  # [s]
 _APEX = 0.71  # of a pixel's width: a right-angled corner between rays is nearer than they measure by no more
-_BEYOND = np.float32(1e6)  # [m]; a ray that reached a known wall saw all that it can
 
 
 @dataclass(frozen=True)
@@ -40,8 +39,6 @@ class SpatialFusionSettings:
         V_max: nothing else moves faster [m/s].
     range_accuracy : float
         Ranges are wrong by no more than this [m]; it is taken off what they show.
-    inf_is_free : bool
-        Whether a pixel without return saw free space up to the range of its camera (REP 117).
     reach : float
         Clearances beyond it are not told apart [m].
     robot_pad : float or None
@@ -58,7 +55,6 @@ class SpatialFusionSettings:
     walled_in: bool = True
     boundary_speed: float = 0.0
     range_accuracy: float = 0.0
-    inf_is_free: bool = False
     reach: float = 2.0
     robot_pad: float | None = None
 
@@ -78,7 +74,8 @@ class _Eye:
     camera: DepthCamera
     carver: Carver
     rays: FloatArray
-    walls: NDArray[np.float32]
+    walls: NDArray[np.float32]  # how far each ray goes until it enters a known wall [m]
+    behind: NDArray[np.float32]  # and until it comes out again
     last_stamp: float = -math.inf
 
 
@@ -107,7 +104,7 @@ class SpatialFusion:
     Notes
     -----
     Deviations: the union of what the cameras saw, not the intersection (C4-1); memory, as in the plane (C3-5): a ball
-    that was free shrinks at V_max; known walls do not grow (C4-2): where a ray reached them, nothing else is behind.
+    that was free shrinks at V_max; known walls do not grow (C4-2): where a ray reached one, nothing else is in it.
     What cannot be measured between two rays is taken off: corners of a right angle or blunter, and the accuracy of
     the ranges.
     """
@@ -115,15 +112,15 @@ class SpatialFusion:
     def __init__(self, cameras: Sequence[DepthCamera], settings: SpatialFusionSettings) -> None:
         self.settings = settings
         grid = settings.grid
-        walls = np.zeros(grid.shape, dtype=np.uint8) if settings.walls is None else settings.walls
-        self._walls = np.ascontiguousarray(walls, dtype=np.uint8)
+        known = np.zeros(grid.shape, dtype=np.uint8) if settings.walls is None else settings.walls
+        self._walls = np.ascontiguousarray(known, dtype=np.uint8)
         self._eyes: dict[str, _Eye] = {}
         for camera in cameras:
             if camera.id in self._eyes:
                 raise InvalidInput(f"spatial fusion: two cameras are called {camera.id!r}")
             rays = np.ascontiguousarray(camera.model.rays() @ camera.rotation.T)
-            ways = ways_to_walls(camera, grid, self._walls, settings.walled_in)
-            self._eyes[camera.id] = _Eye(camera, Carver(camera, grid), rays, ways)
+            walls, behind = ways_to_walls(camera, grid, self._walls, settings.walled_in)
+            self._eyes[camera.id] = _Eye(camera, Carver(camera, grid), rays, walls, behind)
         self._static = self._to_walls()
         self.reset()
 
@@ -244,7 +241,7 @@ class SpatialFusion:
         """Up to where every pixel saw nothing that may move [m]."""
         settings, eye = self.settings, glance.eye
         model = eye.camera.model
-        seen = glance.image.free_up_to(model, settings.inf_is_free)
+        seen = glance.image.free_up_to(model, eye.camera.inf_is_free)
         accuracy = np.float32(settings.range_accuracy)
         reached = (seen > 0.0) & (seen + accuracy >= eye.walls)
         apex = np.float32(_APEX * max(model.column_step, model.row_step))
@@ -252,7 +249,7 @@ class SpatialFusion:
         if len(glance.spheres):
             measured = glance.image.measured(model)
             pass_through_robots(free, measured, eye.rays, eye.camera.position, glance.spheres, self._pad)
-        free[reached] = _BEYOND
+        free[reached] = np.maximum(free, eye.behind)[reached]
         return free
 
     def _to_walls(self) -> NDArray[np.float32]:

@@ -15,8 +15,8 @@ __all__ = ["pass_through_robots", "ways_to_walls"]
 
 def ways_to_walls(
     camera: DepthCamera, grid: Grid, walls: NDArray[np.uint8], walled_in: bool
-) -> NDArray[np.float32]:
-    """Return how far every ray goes before it enters a cell that is known to be solid.
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return how far every ray goes before it enters a cell that is known to be solid, and where it leaves such again.
 
     Parameters
     ----------
@@ -30,22 +30,24 @@ def ways_to_walls(
 
     Returns
     -------
-    ndarray of float32, shape (rows, columns)
-        [m]; inf where the ray meets none.
+    enter, leave : ndarray of float32, shape (rows, columns)
+        [m]; inf where the ray meets none. Where it does not come out again, but for the outside of the grid, `leave`
+        is inf.
     """
     rays = (camera.model.rays() @ camera.rotation.T).reshape(-1, 3)
     start = (camera.position - grid.origin) / grid.spacing
     ways = _march(start, rays, walls, walled_in) * grid.spacing
-    return ways.reshape(camera.model.rows, camera.model.columns).astype(np.float32)
+    enter, leave = ways.reshape(2, camera.model.rows, camera.model.columns).astype(np.float32)
+    return enter, leave
 
 
 @njit(cache=True, nogil=True)
 def _march(
     start: FloatArray, rays: FloatArray, walls: NDArray[np.uint8], walled_in: bool
 ) -> FloatArray:  # pragma: no cover - compiled
-    """Walk from cell to cell along every ray; lengths in cells."""
+    """Walk from cell to cell along every ray; lengths in cells to where it enters and leaves walls, (2, R)."""
     shape = walls.shape
-    ways = np.full(len(rays), np.inf)
+    ways = np.full((2, len(rays)), np.inf)
     cell = np.empty(3, dtype=np.int64)
     step = np.empty(3, dtype=np.int64)
     following = np.empty(3)
@@ -77,8 +79,10 @@ def _march(
         left = False
         while True:
             solid = walls[cell[0], cell[1], cell[2]] != 0
-            if solid and left:
-                ways[n] = way
+            if solid and left and ways[0, n] == np.inf:
+                ways[0, n] = way
+            if not solid and ways[0, n] < np.inf:
+                ways[1, n] = way
                 break
             left = left or not solid
             axis = 0
@@ -90,8 +94,8 @@ def _march(
             following[axis] += stride[axis]
             cell[axis] += step[axis]
             if cell[axis] < 0 or cell[axis] >= shape[axis]:
-                if walled_in:
-                    ways[n] = way
+                if walled_in and ways[0, n] == np.inf:
+                    ways[0, n] = way
                 break
     return ways
 

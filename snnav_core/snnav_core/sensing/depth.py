@@ -153,6 +153,8 @@ class DepthCamera:
     rotation : array_like, shape (3, 3)
         Camera frame (x forward, y left, z up) -> map.
     model : CameraModel
+    inf_is_free : bool
+        Whether a pixel without return saw free space up to `range_max` (REP 117).
 
     Raises
     ------
@@ -164,6 +166,7 @@ class DepthCamera:
     position: FloatArray
     rotation: FloatArray
     model: CameraModel
+    inf_is_free: bool = False
 
     def __post_init__(self) -> None:
         position = np.array(self.position, dtype=np.float64)

@@ -4,23 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from snnav_core.sensing.depth import DepthImage
 from snnav_core.sensing.scan import PlanarScan
 from snnav_sim.devices.noise import generator
 from snnav_sim.scene_types import Fault
 
-__all__ = ["Delivery", "FaultStages"]
+__all__ = ["Delivery", "FaultStages", "Measurement"]
 
 _FAULT_STREAM = 4  # after the streams of noise and drop-outs
 _JUST_AFTER = 1e-6  # [s]
 
 Draws = np.random.Generator
+Measurement = TypeVar("Measurement", PlanarScan, DepthImage)
+"""A scan of a planar range finder or an image of a depth camera."""
 
 
 @dataclass(frozen=True)
-class Delivery:
+class Delivery(Generic[Measurement]):
     """A scan on its way.
 
     Parameters
@@ -31,14 +35,14 @@ class Delivery:
         When it truly was measured [s].
     arrival : float
         When it will arrive [s].
-    scan : PlanarScan
+    scan : PlanarScan or DepthImage
         As it will arrive.
     """
 
     number: int
     measured: float
     arrival: float
-    scan: PlanarScan
+    scan: Measurement
 
 
 class FaultStages:
@@ -65,19 +69,22 @@ class FaultStages:
         for stage in self._stages:
             stage.reset()
 
-    def pass_on(self, delivery: Delivery) -> list[Delivery]:
+    def pass_on(self, delivery: Delivery[Measurement]) -> list[Delivery[Measurement]]:
         """Return what becomes of a measured scan, and what it sets free."""
-        under_way = [delivery]
+        under_way: list[Any] = [delivery]
         for index, stage in enumerate(self._stages):
             under_way = [out for entry in under_way for out in self._through(index, stage, entry)]
         return under_way
 
-    def _through(self, index: int, stage: _Stage, entry: Delivery) -> list[Delivery]:
+    def _through(self, index: int, stage: _Stage, entry: Delivery[Any]) -> list[Delivery[Any]]:
         fault = stage.fault
         if not fault.begin - 1e-9 <= entry.measured < fault.end - 1e-9:
             return stage.spare(entry)
         draws = generator(self._seed, self._sensor_id, _FAULT_STREAM, index, entry.number)
         return stage.meet(entry, draws) if draws.random() < fault.probability else stage.spare(entry)
+
+
+_Changer = Callable[[Fault, Any, Draws], Any]
 
 
 class _Stage:
@@ -89,26 +96,26 @@ class _Stage:
     def reset(self) -> None:
         """Forget earlier scans."""
 
-    def meet(self, entry: Delivery, draws: Draws) -> list[Delivery]:
+    def meet(self, entry: Delivery[Any], draws: Draws) -> list[Delivery[Any]]:
         raise NotImplementedError
 
-    def spare(self, entry: Delivery) -> list[Delivery]:
+    def spare(self, entry: Delivery[Any]) -> list[Delivery[Any]]:
         return [entry]
 
 
 class _DropOut(_Stage):
-    def meet(self, entry: Delivery, draws: Draws) -> list[Delivery]:
+    def meet(self, entry: Delivery[Any], draws: Draws) -> list[Delivery[Any]]:
         return []
 
 
 class _Delay(_Stage):
-    def meet(self, entry: Delivery, draws: Draws) -> list[Delivery]:
+    def meet(self, entry: Delivery[Any], draws: Draws) -> list[Delivery[Any]]:
         late = self.fault.seconds + self.fault.jitter * draws.random()
         return [replace(entry, arrival=entry.arrival + late)]
 
 
 class _Duplicate(_Stage):
-    def meet(self, entry: Delivery, draws: Draws) -> list[Delivery]:
+    def meet(self, entry: Delivery[Any], draws: Draws) -> list[Delivery[Any]]:
         return [entry, entry]
 
 
@@ -117,18 +124,18 @@ class _Reorder(_Stage):
 
     def __init__(self, fault: Fault) -> None:
         super().__init__(fault)
-        self._held: list[Delivery] = []
+        self._held: list[Delivery[Any]] = []
 
     def reset(self) -> None:
         self._held = []
 
-    def meet(self, entry: Delivery, draws: Draws) -> list[Delivery]:
+    def meet(self, entry: Delivery[Any], draws: Draws) -> list[Delivery[Any]]:
         if self._held and self._held[0].number != entry.number:
             return self.spare(entry)
         self._held.append(entry)
         return []
 
-    def spare(self, entry: Delivery) -> list[Delivery]:
+    def spare(self, entry: Delivery[Any]) -> list[Delivery[Any]]:
         held, self._held = self._held, []
         free = entry.arrival + _JUST_AFTER
         return [entry, *(replace(one, arrival=max(one.arrival, free)) for one in held)]
@@ -137,11 +144,11 @@ class _Reorder(_Stage):
 class _Change(_Stage):
     """Changes the scan itself."""
 
-    def __init__(self, fault: Fault, change: Callable[[Fault, PlanarScan, Draws], PlanarScan]) -> None:
+    def __init__(self, fault: Fault, change: _Changer) -> None:
         super().__init__(fault)
         self._change = change
 
-    def meet(self, entry: Delivery, draws: Draws) -> list[Delivery]:
+    def meet(self, entry: Delivery[Any], draws: Draws) -> list[Delivery[Any]]:
         return [replace(entry, scan=self._change(self.fault, entry.scan, draws))]
 
 
@@ -150,26 +157,26 @@ class _Frozen(_Stage):
 
     def __init__(self, fault: Fault) -> None:
         super().__init__(fault)
-        self._last: PlanarScan | None = None
+        self._last: PlanarScan | DepthImage | None = None
 
     def reset(self) -> None:
         self._last = None
 
-    def meet(self, entry: Delivery, draws: Draws) -> list[Delivery]:
+    def meet(self, entry: Delivery[Any], draws: Draws) -> list[Delivery[Any]]:
         if self._last is None:
             return self.spare(entry)
         return [replace(entry, scan=replace(self._last, stamp=entry.scan.stamp))]
 
-    def spare(self, entry: Delivery) -> list[Delivery]:
+    def spare(self, entry: Delivery[Any]) -> list[Delivery[Any]]:
         self._last = entry.scan
         return [entry]
 
 
-def _some_read(value: float) -> Callable[[Fault, PlanarScan, Draws], PlanarScan]:
-    def change(fault: Fault, scan: PlanarScan, draws: Draws) -> PlanarScan:
+def _some_read(value: float) -> _Changer:
+    def change(fault: Fault, scan: Any, draws: Draws) -> Any:
         ranges = np.array(scan.ranges)
         count = int(np.ceil(fault.share * ranges.size - 1e-9))
-        ranges[draws.permutation(ranges.size)[:count]] = value
+        ranges.reshape(-1)[draws.permutation(ranges.size)[:count]] = value
         return replace(scan, ranges=ranges)
 
     return change
@@ -182,7 +189,7 @@ def _other_count(fault: Fault, scan: PlanarScan, _: Draws) -> PlanarScan:
     return replace(scan, ranges=np.append(scan.ranges, np.full(fault.change, scan.ranges[-1])))
 
 
-def _other_clock(fault: Fault, scan: PlanarScan, _: Draws) -> PlanarScan:
+def _other_clock(fault: Fault, scan: Any, _: Draws) -> Any:
     return replace(scan, stamp=round(scan.stamp + fault.seconds, 9))
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import heapq
 import math
+from typing import Generic, Protocol, TypeVar
 
-from snnav_core.sensing.scan import PlanarScan
-from snnav_sim.devices.factory import RangeFinder
-from snnav_sim.devices.faults import Delivery, FaultStages
+from snnav_sim.devices.faults import Delivery, FaultStages, Measurement
+from snnav_sim.scene_types import SensorScene
+from snnav_sim.space_types import DepthSensor
 
 __all__ = ["MOST_ARRIVALS", "SensorFeed"]
 
@@ -19,12 +20,28 @@ _MOST_MEASURED = 100  # a device that nobody heard for longer makes no older sca
 _SAME_TIME = 5e-10  # [s]
 
 
-class SensorFeed:
+_Measured = TypeVar("_Measured", covariant=True)
+
+
+class Measuring(Protocol[_Measured]):
+    """A device that measures whenever it is asked."""
+
+    @property
+    def sensor(self) -> SensorScene | DepthSensor:
+        """What the scene says of it."""
+        ...
+
+    def scan(self, time: float) -> _Measured:
+        """Return what it measures at a time [s]."""
+        ...
+
+
+class SensorFeed(Generic[Measurement]):
     """The scans of one sensor in the order in which they arrive.
 
     Parameters
     ----------
-    device : RangeFinder
+    device : RangeFinder or DepthDevice
         Measures scan number k at `scan_offset` + k times `period`.
     period : float
         Time from scan to scan [s], see `Scene.scan_period`.
@@ -32,8 +49,8 @@ class SensorFeed:
         Of the faults.
     """
 
-    def __init__(self, device: RangeFinder, period: float, seed: int) -> None:
-        self.device = device
+    def __init__(self, device: Measuring[Measurement], period: float, seed: int) -> None:
+        self.device: Measuring[Measurement] = device
         sensor = device.sensor
         self._offset, self._period = sensor.scan_offset, period
         self._stages = FaultStages(sensor.faults, seed, sensor.id)
@@ -44,9 +61,9 @@ class SensorFeed:
         self._stages.reset()
         self._next = 0
         self._sequence = 0
-        self._under_way: list[tuple[float, int, PlanarScan]] = []
+        self._under_way: list[tuple[float, int, Measurement]] = []
 
-    def arrivals(self, time: float) -> list[PlanarScan]:
+    def arrivals(self, time: float) -> list[Measurement]:
         """Return what arrives after the last call and up to `time` [s], at most the newest `MOST_ARRIVALS`.
 
         Scans keep the stamps that the device gave them; they may be older than the call before, and out of order.

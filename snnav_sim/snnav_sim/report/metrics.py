@@ -23,7 +23,7 @@ from snnav_sim.report.separation import separations
 from snnav_sim.report.truth import GroundTruth
 from snnav_sim.scene_types import RobotScene, Scene
 
-__all__ = ["compute_metrics", "library_versions", "step_times"]
+__all__ = ["compute_metrics", "floored", "library_versions", "rounded", "step_times"]
 
 _LIBRARIES = ("numpy", "scipy", "shapely", "numba")
 _HAIR = 1e-6  # [m]
@@ -69,7 +69,7 @@ def _planning(scene: Scene, record: RunRecord) -> dict[str, Any]:
     seconds = record.planner_seconds
     steps = {round(time / scene.sampling_interval) for time, _ in record.plans}
     took = [1e3 * seconds[step] for step in sorted(steps) if step < len(seconds)]
-    return {"plans": len(record.plans), "planning_ms": [_rounded(each) for each in took]}
+    return {"plans": len(record.plans), "planning_ms": [rounded(each) for each in took]}
 
 
 def _plans(scene: Scene, record: RunRecord, robot: str) -> dict[str, Any]:
@@ -84,9 +84,9 @@ def _plan(time: float, plan: SpacetimePlan) -> dict[str, Any]:
     outcomes = Counter(candidate.outcome.value for candidate in plan.candidates)
     return {
         "time": time,
-        "travel_time": _rounded(plan.travel_time),
+        "travel_time": rounded(plan.travel_time),
         "candidates": dict(sorted(outcomes.items())),
-        "bound": _rounded(bound),
+        "bound": rounded(bound),
         "gap": None if bound is None else round(plan.gap, 5),
     }
 
@@ -101,12 +101,12 @@ def step_times(seconds: Sequence[float]) -> dict[str, Any]:
     milliseconds = 1e3 * np.asarray(seconds[1:] or seconds, dtype=np.float64)
     names = {"p50": 50, "p99": 99, "max": 100}
     steps = {
-        name: _rounded(float(np.percentile(milliseconds, share))) if len(milliseconds) else None
+        name: rounded(float(np.percentile(milliseconds, share))) if len(milliseconds) else None
         for name, share in names.items()
     }
     return {
         "step_ms": steps,
-        "first_step_ms": _rounded(1e3 * seconds[0]) if seconds else None,
+        "first_step_ms": rounded(1e3 * seconds[0]) if seconds else None,
         "steps": len(seconds),
     }
 
@@ -151,14 +151,14 @@ def _robot(
     return {
         "reached": reached,
         "arrival_time": arrival if reached else None,
-        "travelled_length": _rounded(travelled),
+        "travelled_length": rounded(travelled),
         **_optima(robot, scene, decisions, truth, travelled + remaining if reached else None),
-        "least_clearance": _floored(float(clearance.min())),
-        "least_separation": _floored(separation) if math.isfinite(separation) else None,
+        "least_clearance": floored(float(clearance.min())),
+        "least_separation": floored(separation) if math.isfinite(separation) else None,
         "reason": reason,
         "message": message,
-        "remaining_distance": _rounded(remaining),
-        "least_area_clearance": None if area_clearance is None else _floored(float(area_clearance.min())),
+        "remaining_distance": rounded(remaining),
+        "least_area_clearance": None if area_clearance is None else floored(float(area_clearance.min())),
         "margin_violations": int(np.sum(clearance < scene.safety_margin)),
         "area_margin_violations": None
         if area_clearance is None
@@ -204,10 +204,10 @@ def _optima(
         return None if not best or length is None else round(length / best, 5)
 
     return {
-        "optimum_length": _rounded(optimum),
+        "optimum_length": rounded(optimum),
         "optimum_ratio": ratio(optimum),
-        "planning_distance": _rounded(planned),
-        "optimum_length_planned": _rounded(optimum_planned),
+        "planning_distance": rounded(planned),
+        "optimum_length_planned": rounded(optimum_planned),
         "optimum_ratio_planned": ratio(optimum_planned),
     }
 
@@ -219,10 +219,11 @@ def _optimum(robot: RobotScene, truth: GroundTruth, distance: float) -> float | 
         return None
 
 
-def _rounded(value: float | None) -> float | None:
+def rounded(value: float | None) -> float | None:
+    """Round to a tenth of a millimetre, or of whatever it is."""
     return None if value is None else round(value, 4)
 
 
-def _floored(value: float) -> float:
+def floored(value: float) -> float:
     """Round down to a tenth of a millimetre: no margin is kept by rounding."""
     return math.floor(value * 1e4) / 1e4

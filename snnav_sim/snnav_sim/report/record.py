@@ -95,7 +95,7 @@ class RunRecord:
     """
 
     seed: int
-    samples: dict[str, list[tuple[float, float, float, float, float, float]]] = field(default_factory=dict)
+    samples: dict[str, list[tuple[float, ...]]] = field(default_factory=dict)
     decisions: list[Decision] = field(default_factory=list)
     areas: list[tuple[float, MultiPolygon]] = field(default_factory=list)
     plans: list[tuple[float, SpacetimePlan]] = field(default_factory=list)

@@ -8,22 +8,25 @@ import io
 import json
 import shutil
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO
 
 from snnav_core.errors import InvalidInput
+from snnav_sim.report.flight_metrics import compute_flight_metrics
+from snnav_sim.report.flight_record import FlightRecord
 from snnav_sim.report.metrics import compute_metrics
 from snnav_sim.report.record import Decision, RunRecord
 from snnav_sim.report.separation import separations
 from snnav_sim.report.truth import GroundTruth
-from snnav_sim.scene import Scene, dump_scene
+from snnav_sim.scene import AnyScene, Scene, SpaceScene, dump_scene
 
 __all__ = ["check_run_directory", "paths_digest", "write_run_directory", "write_tables"]
 
 TRAJECTORY_COLUMNS = ("time", "robot", "x", "y", "z", "heading", "pitch", "speed", "turn_rate")
 PATH_COLUMNS = ("time", "robot", "index", "x", "y", "z", "digest")
+TRACKING_COLUMNS = ("time", "robot", "distance_error", "angle_error")
 _MARKS = ("scene.yaml", "metrics.json")  # what makes a directory a run directory
 
 
@@ -47,7 +50,7 @@ def check_run_directory(directory: Path | str) -> Path:
 
 def write_run_directory(
     directory: Path | str,
-    scene: Scene,
+    scene: AnyScene,
     record: RunRecord,
     attachments: Mapping[str, Path] | None = None,
     figures: bool = True,
@@ -58,8 +61,9 @@ def write_run_directory(
     ----------
     directory : path
         Made with its parents; an earlier run in it is replaced.
-    scene : Scene
+    scene : Scene or SpaceScene
     record : RunRecord
+        A FlightRecord for a scene in space.
     attachments : mapping, optional
         Name in the run directory -> file or directory that is moved there, such as the recorded bag.
     figures : bool
@@ -76,8 +80,7 @@ def write_run_directory(
         If the directory holds something else, or cannot be written.
     """
     path = check_run_directory(directory)
-    truth = GroundTruth(scene)
-    metrics = compute_metrics(scene, record, truth)
+    metrics, draw = _evaluate(scene, record)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
@@ -85,7 +88,9 @@ def write_run_directory(
         raise InvalidInput(f"{path}: cannot be written ({error.strerror}): give another directory") from None
     try:
         draft.chmod(0o755)
-        _fill(draft, scene, record, metrics, truth, figures)
+        _fill(draft, scene, record, metrics)
+        if figures:
+            draw(draft / "figures")
         for name, source in (attachments or {}).items():
             shutil.move(source, draft / name)
         _replace(path, draft)
@@ -94,16 +99,23 @@ def write_run_directory(
     return metrics
 
 
-def _fill(
-    draft: Path, scene: Scene, record: RunRecord, metrics: dict[str, Any], truth: GroundTruth, figures: bool
-) -> None:
+def _evaluate(scene: AnyScene, record: RunRecord) -> tuple[dict[str, Any], Callable[[Path], None]]:
+    """Return the metrics, and what draws into a directory."""
+    if isinstance(scene, SpaceScene):
+        assert isinstance(record, FlightRecord), "a run in space has a record of its own"
+        return compute_flight_metrics(scene, record), lambda directory: None
+    truth = GroundTruth(scene)
+    return compute_metrics(scene, record, truth), lambda directory: _draw(directory, scene, record, truth)
+
+
+def _fill(draft: Path, scene: AnyScene, record: RunRecord, metrics: dict[str, Any]) -> None:
     (draft / "scene.yaml").write_text(dump_scene(replace(scene, seed=record.seed)), encoding="utf-8")
     text = json.dumps(metrics, indent=2, allow_nan=False, ensure_ascii=False)
     (draft / "metrics.json").write_text(text + "\n", encoding="utf-8")
     write_tables(draft, record)
+    if isinstance(record, FlightRecord):
+        _table(draft / "tracking.csv", TRACKING_COLUMNS, _tracking_rows(record))
     (draft / "figures").mkdir()
-    if figures:
-        _draw(draft / "figures", scene, record, truth)
 
 
 def _draw(directory: Path, scene: Scene, record: RunRecord, truth: GroundTruth) -> None:
@@ -169,10 +181,20 @@ def paths_digest(record: RunRecord) -> str:
 
 def _trajectory_rows(record: RunRecord) -> list[tuple[Any, ...]]:
     rows = [
-        (time, robot, x, y, 0.0, heading, 0.0, speed, turn_rate)
+        (row[0], robot, *(row[1:] if isinstance(record, FlightRecord) else _in_space(*row[1:])))
         for robot, samples in record.samples.items()
-        for time, x, y, heading, speed, turn_rate in samples
+        for row in samples
     ]
+    return sorted(rows, key=lambda row: (float(row[0]), str(row[1])))
+
+
+def _in_space(x: float, y: float, heading: float, speed: float, turn_rate: float) -> tuple[float, ...]:
+    """Return the columns of a robot on the ground."""
+    return x, y, 0.0, heading, 0.0, speed, turn_rate
+
+
+def _tracking_rows(record: FlightRecord) -> list[tuple[Any, ...]]:
+    rows = [(row[0], robot, *row[1:]) for robot, errors in record.errors.items() for row in errors]
     return sorted(rows, key=lambda row: (float(row[0]), str(row[1])))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -126,6 +127,18 @@ def test_known_walls_do_not_grow_and_take_their_place() -> None:
     assert (area.static <= distance(CENTRES, boxes) + 1e-5).all()
 
 
+def test_behind_a_known_wall_nothing_is_proved() -> None:
+    walls = np.zeros(GRID.shape, dtype=np.uint8)
+    walls[28:32] = 1
+    boxes = np.array([[[2.8, 0.0, 0.0], [3.2, 5.0, 3.0]]])
+    eye = corners(1)[0]
+    fusion = SpatialFusion([eye], SpatialFusionSettings(GRID, walls))
+    fusion.add_image(eye.id, image(eye, boxes, ROOM))
+    proved = fusion.area(0.0).moving > 0.0
+    assert proved[5:28, 10:-10, 5:-5].all()
+    assert not proved[32:].any()
+
+
 def test_a_known_robot_does_not_shut_itself_in() -> None:
     position, radius = np.array([3.0, 2.5, 1.5]), 0.2
     body = np.array([[position - 0.1, position + 0.1]])
@@ -155,8 +168,8 @@ def test_pixels_without_measurement_prove_nothing(lie: float) -> None:
 
 
 def test_no_return_is_free_space_only_where_the_camera_says_so() -> None:
-    one = corners(1)[0]
-    fusion = SpatialFusion([one], SpatialFusionSettings(GRID, inf_is_free=True))
+    one = replace(corners(1)[0], inf_is_free=True)
+    fusion = SpatialFusion([one], SpatialFusionSettings(GRID))
     fusion.add_image(one.id, DepthImage(0.0, np.full((96, 96), math.inf)))
     assert (fusion.area(0.0).moving > 0.0).any()
 
