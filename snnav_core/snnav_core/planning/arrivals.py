@@ -15,7 +15,7 @@ from snnav_core.types import Certificate, FloatArray, TimedPath
 
 __all__ = ["Arrivals"]
 
-_SETTLING_PASSES = 6000  # C0-15
+_SETTLING_PASSES = 6000  # for chains of up to 100 points, more for longer ones (C0-15)
 _LATE = 0.5  # share of the tracking tolerance that may be lost to points that are early or late ...
 _LEAST_LATE = 0.02  # ... and share of the link length that may be
 _SAME = 0.2  # of the link length: candidates nowhere farther apart than this are the same path
@@ -52,8 +52,9 @@ class Arrivals:
             return self.least
         self._raw.append(chain.chain.copy())
         radius = RADIUS_RESERVE * problem.robot.min_turn_radius
-        gains = fine_gains(layout.link, radius, self.settings.adjustment)
-        rests = settle(chain, layout.world, gains, self.settings.adjustment, _SETTLING_PASSES)
+        gains = fine_gains(layout.link, radius, chain.n, self.settings.adjustment)
+        most = _SETTLING_PASSES * max(chain.n, 100) // 100
+        rests = settle(chain, layout.world, gains, self.settings.adjustment, most)
         points = with_target(chain, layout.world.ends[1], layout.link)
         one.outcome, one.reason = _verdict(points[:-1], rests, layout.link, self.settings)
         one.path = TimedPath(problem.start_time, layout.step, points)

@@ -14,28 +14,35 @@ from snnav_core.types import FloatArray
 __all__ = ["fine_gains", "settle", "with_target"]
 
 _PULL = 0.1  # G_P as a share of L
-_ATTENUATION = 0.98  # G_N: long chains come to rest faster with less damping
+_DAMPING, _MOST_DAMPING = (
+    2.0,
+    0.02,
+)  # 1 - G_N, per point and at most: long chains come to rest faster with less
 _FINE = 0.003  # rest threshold as a share of G_P
-_CORRECTION = 0.01  # of what a link is too long, per pass; below 1 - G_N
+_CORRECTION = 0.5  # of what a link is too long, per pass, as a share of 1 - G_N; below 1
 _STIFFNESS = 0.1  # against bends below the turning radius; 4 G_I + 16 times this stays below 2 (1 + G_N)
 _HOPELESS, _TORN = 1200, 1.08  # passes after which no link may be longer than this share of L
 _PASSES = 40  # before the end is looked at
 _TINY_END = 0.005  # of the link length: a shorter last link is left out
 
 
-def fine_gains(link: float, radius: float, settings: AdjustmentSettings) -> Gains:
-    """Constants of the last adjustment: all links come to the length L, the smallest radius [m] is sought."""
+def fine_gains(link: float, radius: float, points: int, settings: AdjustmentSettings) -> Gains:
+    """Constants of the last adjustment: all links come to the length L, no bend is below a radius [m].
+
+    For a chain of so many points.
+    """
     pull = _PULL * link
+    damping = min(_DAMPING / max(points, 1), _MOST_DAMPING)
     threshold = _FINE * pull
     return Gains(
         link,
         pull,
         settings.interval_gain,
         settings.barrier_gain,
-        _ATTENUATION,
+        1.0 - damping,
         threshold,
-        threshold / (1.0 - _ATTENUATION),
-        _CORRECTION,
+        threshold / damping,
+        _CORRECTION * damping,
         _STIFFNESS,
         link * link / radius,
     )

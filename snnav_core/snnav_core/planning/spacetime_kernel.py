@@ -27,7 +27,7 @@ _ACUTE = 0.1  # sine of the angle between two bodies below which there is no way
 _QUIET = 5  # passes in which everything is small before rest counts
 _ATTRACTION = 2.0  # largest attraction to the followed body as a multiple of G_P
 _SHORTEST = 0.3  # rest length of a link as a share of L: the tension of a chain is bounded
-_EVEN = 0.001  # of L: links that can be L long differ less from it at rest
+_EVEN = 0.0003  # of L: links that can be L long differ less from it at rest
 
 
 class World(NamedTuple):

@@ -130,7 +130,7 @@ def test_a_settled_chain_keeps_its_distance_with_even_links_and_is_as_short_as_c
     way = np.column_stack((np.linspace(0.0, 10.0, 72), np.zeros(72)))
     way[:, 1] = 2.0 * np.sin(math.pi * way[:, 0] / 10.0)
     chain = Chain.along(way, placed.link, 20)
-    gains = fine_gains(placed.link, 0.28, SETTINGS.adjustment)
+    gains = fine_gains(placed.link, 0.28, 72, SETTINGS.adjustment)
     assert settle(chain, placed.world, gains, SETTINGS.adjustment, 3000)
     points = chain.chain
     assert chain.followed == TARGET
