@@ -84,13 +84,12 @@ class Arrivals:
             return
         self._different.append(one)
         best = math.inf if self.best is None or self.best is twin else self.best.travel_time
-        if one.travel_time >= best:
-            return
-        certificate = certify_in_spacetime(path, self.problem, self.settings)
-        if not certificate.accepted:
-            one.outcome, one.reason = CandidateOutcome.REFUSED, certificate.reason
-            return
-        self.best, self.certificate = one, certificate
+        if one.travel_time < best:
+            certificate = certify_in_spacetime(path, self.problem, self.settings)
+            if not certificate.accepted:
+                one.outcome, one.reason = CandidateOutcome.REFUSED, certificate.reason
+                return
+            self.best, self.certificate = one, certificate
         if twin is not None:
             # The search has found what was given to it: it knows the turns.
             self._different.remove(twin)
