@@ -1,4 +1,4 @@
-"""The search for the earliest arrival among moving polygons, compiled.
+"""The search for the earliest arrivals among moving polygons, compiled.
 
 A *group* is all that moves with one velocity: the segments of its outline where they are at the start, the body on no
 particular side. A *node* is a corner of a group that sticks out into the free space, or the start, or the target.
@@ -12,7 +12,7 @@ import math
 import numba
 import numpy as np
 
-__all__ = ["earliest_arrival", "free_intervals"]
+__all__ = ["START", "TARGET", "earliest_arrivals", "free_intervals", "nodes_of"]
 
 _TOUCH = 1e-9  # [m]
 _INSTANT = 1e-9  # [s]
@@ -20,7 +20,7 @@ START, TARGET = 0, 1
 
 
 @numba.njit(cache=True, error_model="numpy")
-def free_intervals(places, owners, velocities, segments, offsets, inverted):  # type: ignore[no-untyped-def]
+def free_intervals(places, owners, velocities, segments, offsets, inverted, absent):  # type: ignore[no-untyped-def]
     """When every node is outside of all other groups.
 
     Parameters
@@ -35,6 +35,8 @@ def free_intervals(places, owners, velocities, segments, offsets, inverted):  # 
         Those of group g are ``segments[offsets[g] : offsets[g + 1]]`` [m].
     inverted : ndarray of bool, shape (G,)
         Whether the group is what lies outside of its outline.
+    absent : int
+        A group that is not there; -1 for none.
 
     Returns
     -------
@@ -42,15 +44,17 @@ def free_intervals(places, owners, velocities, segments, offsets, inverted):  # 
         Begin and end [s] after the start, in order.
     first : ndarray of int, shape (K + 1,)
         Those of node k are ``spans[first[k] : first[k + 1]]``.
+    left : ndarray of int, shape (I,)
+        The group that covers the node last before; -1 for none.
     """
     first = np.zeros(len(places) + 1, dtype=np.int64)
-    spans = np.empty((4 * len(places), 2))
+    spans, left = np.empty((4 * len(places), 2)), np.empty(4 * len(places), dtype=np.int64)
     count = 0
     times, steps = np.empty(len(segments)), np.empty(len(segments), dtype=np.int64)
     for k in range(len(places)):
         covers, events = 0, 0
         for g in range(len(velocities)):
-            if g == owners[k]:
+            if g == owners[k] or g == absent:
                 continue
             vx, vy = -velocities[g, 0], -velocities[g, 1]
             if owners[k] >= 0:
@@ -61,25 +65,26 @@ def free_intervals(places, owners, velocities, segments, offsets, inverted):  # 
             _sort(times, steps, events, found)
             for e in range(events, found):
                 inside = not inside
-                steps[e] = 1 if inside else -1
+                steps[e] = g + 1 if inside else -g - 1
             events = found
         _sort(times, steps, 0, events)
-        begin = 0.0
+        begin, last = 0.0, -1
         for e in range(events + 1):
             time = times[e] if e < events else math.inf
             if covers == 0 and time > begin + _INSTANT:
                 if count == len(spans):
                     spans = np.concatenate((spans, np.empty_like(spans)))
+                    left = np.concatenate((left, np.empty_like(left)))
                 if count > first[k] and begin <= spans[count - 1, 1] + _INSTANT:
                     spans[count - 1, 1] = time
                 else:
-                    spans[count, 0], spans[count, 1] = begin, time
+                    spans[count, 0], spans[count, 1], left[count] = begin, time, last
                     count += 1
             if e < events:
-                covers += steps[e]
-                begin = time
+                covers += 1 if steps[e] > 0 else -1
+                begin, last = time, abs(steps[e]) - 1
         first[k + 1] = count
-    return spans[:count], first
+    return spans[:count], first, left[:count]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -118,54 +123,68 @@ def _crossings(place, vx, vy, segments, low, high, times, count):  # type: ignor
 
 
 @numba.njit(cache=True, error_model="numpy")
-def earliest_arrival(  # type: ignore[no-untyped-def]
-    places, owners, before, after, velocities, segments, offsets, circles, spans, first, speed
+def earliest_arrivals(  # type: ignore[no-untyped-def]
+    places,
+    owners,
+    before,
+    after,
+    velocities,
+    segments,
+    offsets,
+    circles,
+    spans,
+    first,
+    speed,
+    seeds,
+    through,
+    until,
+    absent,
 ):
-    """Arrival at the target, and where it turns on the way: label setting by A*, sight is tested when it matters.
+    """Arrival in every interval of every node: label setting by A*, sight is tested when it matters.
 
     Parameters
     ----------
     places, owners, velocities, segments, offsets
         See `free_intervals`; node 0 is the start, node 1 the target.
     before, after : ndarray, shape (K, 2)
-        Directions from a corner to its neighbours on the outline; zero for start and target.
+        Directions from a corner to its neighbours on the outline; zero for what is no corner.
     circles : ndarray, shape (G, 3)
         Around each group at the start: centre and radius [m].
     spans, first
         As `free_intervals` returns them.
     speed : float
         Of the robot, more than that of any group [m/s].
+    seeds : ndarray of int
+        Intervals at whose begin the robot can be somewhere: that of the start, and where it may have waited.
+    through : int
+        Number of nodes, the first ones, that ways lead through. With all of them the search ends at the target.
+    until : float
+        The search ends at this time [s].
+    absent : int
+        A group that is not there; -1 for none.
 
     Returns
     -------
-    ndarray, shape (N, 3)
-        Places [m] and times [s] after the start, start and target included; empty if there is no way.
+    reached : ndarray, shape (I,)
+        Times [s] after the start; infinite where nothing leads, or what is farther than the target.
+    parents : ndarray of int, shape (I,)
+        The interval that each is reached from; -1 for start, and for waiting.
     """
     reached = np.full(len(spans), math.inf)
     parents = np.full(len(spans), -1, dtype=np.int64)
-    nodes = np.empty(len(spans), dtype=np.int64)
-    for k in range(len(places)):
-        nodes[first[k] : first[k + 1]] = k
-    # What is waiting: label, the one it comes from (-1: none, something uncovers it), and time.
-    labels, origins, times = np.empty(256, dtype=np.int64), np.empty(256, dtype=np.int64), np.empty(256)
-    labels[0], origins[0], times[0], count = first[START], -1, 0.0, 1
-    queue = [(0.0, 0)]
-    if first[START] == first[START + 1] or spans[first[START], 0] > _INSTANT:
-        return np.empty((0, 3))
-    for label in range(first[TARGET], len(spans)):
-        # Where something uncovers a node, a robot may have waited: nothing is tested.
-        begin, node = spans[label, 0], nodes[label]
-        if (
-            begin > _INSTANT
-            and _meets(places[START], 0.0, places[node], _of(velocities, owners[node]), speed) <= begin
-        ):
-            rest = _rest(places, owners, velocities, node, begin, speed)
-            labels, origins, times = _room(labels, origins, times, count)
-            labels[count], origins[count], times[count] = label, -1, begin
-            heapq.heappush(queue, (begin + rest, count))
-            count += 1
+    nodes = nodes_of(first)
+    hurry = speed if through == len(places) else math.inf
+    # What is waiting: label, the one it comes from (-1: none), and time.
+    size = len(seeds) + 256
+    labels, origins, times = np.empty(size, dtype=np.int64), np.empty(size, dtype=np.int64), np.empty(size)
+    queue = [(math.inf, 0)]
+    for count, label in enumerate(seeds):
+        labels[count], origins[count], times[count] = label, -1, spans[label, 0]
+        rest = _rest(places, owners, velocities, nodes[label], times[count], hurry)
+        heapq.heappush(queue, (times[count] + rest, count))
+    count = len(seeds)
     here, there = np.empty(2), np.empty(2)
-    while len(queue) > 0:
+    while queue[0][0] <= until:
         _, entry = heapq.heappop(queue)
         label, parent, time = labels[entry], origins[entry], times[entry]
         if reached[label] < math.inf:
@@ -174,11 +193,15 @@ def earliest_arrival(  # type: ignore[no-untyped-def]
         _at(places, owners, velocities, node, time, here)
         if parent >= 0:
             _at(places, owners, velocities, nodes[parent], reached[parent], there)
-            if not _is_free(there, reached[parent], here, time, velocities, segments, offsets, circles):
+            if not _is_free(
+                there, reached[parent], here, time, velocities, segments, offsets, circles, absent
+            ):
                 continue
         reached[label], parents[label] = time, parent
-        if node == TARGET:
-            return _route(label, nodes, reached, parents, places, owners, velocities)
+        if node == TARGET and through == len(places):
+            break
+        if node >= through:
+            continue
         for other in range(TARGET, len(places)):
             if other == node:
                 continue
@@ -191,12 +214,21 @@ def earliest_arrival(  # type: ignore[no-untyped-def]
             if not _turns(wx, wy, lasts, node, owners, velocities, before, after, parent < 0):
                 continue
             if _turns(wx, wy, lasts, other, owners, velocities, before, after, False):
-                rest = _rest(places, owners, velocities, other, arrival, speed)
+                rest = _rest(places, owners, velocities, other, arrival, hurry)
                 labels, origins, times = _room(labels, origins, times, count)
                 labels[count], origins[count], times[count] = found, label, arrival
                 heapq.heappush(queue, (arrival + rest, count))
                 count += 1
-    return np.empty((0, 3))
+    return reached, parents
+
+
+@numba.njit(cache=True, error_model="numpy")
+def nodes_of(first):  # type: ignore[no-untyped-def]
+    """The node of every interval."""
+    nodes = np.empty(first[-1], dtype=np.int64)
+    for k in range(len(first) - 1):
+        nodes[first[k] : first[k + 1]] = k
+    return nodes
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -268,9 +300,11 @@ def _turns(wx, wy, lasts, node, owners, velocities, before, after, anyhow):  # t
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _is_free(here, begin, there, end, velocities, segments, offsets, circles):  # type: ignore[no-untyped-def]
+def _is_free(here, begin, there, end, velocities, segments, offsets, circles, absent):  # type: ignore[no-untyped-def]
     """Whether no outline stands in the way of a robot that moves straight from a point and time to another."""
     for g in range(len(velocities)):
+        if g == absent:
+            continue
         vx, vy = velocities[g]
         ax, ay = here[0] - vx * begin, here[1] - vy * begin
         dx, dy = there[0] - vx * end - ax, there[1] - vy * end - ay
@@ -298,19 +332,3 @@ def _is_free(here, begin, there, end, velocities, segments, offsets, circles):  
                 if _TOUCH < crossing < length - _TOUCH:
                     return False
     return True
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _route(label, nodes, reached, parents, places, owners, velocities):  # type: ignore[no-untyped-def]
-    count, last = 1, label
-    while parents[last] >= 0:
-        last, count = parents[last], count + 1
-    from_start = nodes[last] == START
-    route = np.zeros((count if from_start else count + 1, 3))
-    route[0, :2] = places[START]
-    row = len(route) - 1
-    while label >= 0 and row >= 0:
-        _at(places, owners, velocities, nodes[label], reached[label], route[row, :2])
-        route[row, 2] = reached[label]
-        label, row = parents[label], row - 1
-    return route
