@@ -150,14 +150,8 @@ class _Intervals:
         if self.first[1] > 0 and begins[0] <= _INSTANT:
             seeds = np.append(seeds, 0)
         reached, parents = earliest_arrivals(
-            nodes.places,
-            nodes.owners,
-            nodes.before,
-            nodes.after,
-            world.velocities,
-            world.segments,
-            world.offsets,
-            world.circles,
+            (nodes.places, nodes.owners, nodes.before, nodes.after),
+            (world.velocities, world.segments, world.offsets, world.circles),
             self.spans,
             self.first,
             speed,

@@ -123,33 +123,17 @@ def _crossings(place, vx, vy, segments, low, high, times, count):  # type: ignor
 
 
 @numba.njit(cache=True, error_model="numpy")
-def earliest_arrivals(  # type: ignore[no-untyped-def]
-    places,
-    owners,
-    before,
-    after,
-    velocities,
-    segments,
-    offsets,
-    circles,
-    spans,
-    first,
-    speed,
-    seeds,
-    through,
-    until,
-    absent,
-):
+def earliest_arrivals(corners, world, spans, first, speed, seeds, through, until, absent):  # type: ignore[no-untyped-def]
     """Arrival in every interval of every node: label setting by A*, sight is tested when it matters.
 
     Parameters
     ----------
-    places, owners, velocities, segments, offsets
-        See `free_intervals`; node 0 is the start, node 1 the target.
-    before, after : ndarray, shape (K, 2)
-        Directions from a corner to its neighbours on the outline; zero for what is no corner.
-    circles : ndarray, shape (G, 3)
-        Around each group at the start: centre and radius [m].
+    corners : tuple of ndarray
+        Places and owners, see `free_intervals`, of nodes: 0 is the start, 1 the target. Then before and after, shape
+        (K, 2): directions from a corner to its neighbours on the outline; zero for what is no corner.
+    world : tuple of ndarray
+        Velocities, segments and offsets, see `free_intervals`. Then circles, shape (G, 3): centre and radius [m]
+        around each group at the start.
     spans, first
         As `free_intervals` returns them.
     speed : float
@@ -170,6 +154,7 @@ def earliest_arrivals(  # type: ignore[no-untyped-def]
     parents : ndarray of int, shape (I,)
         The interval that each is reached from; -1 for start, and for waiting.
     """
+    (places, owners, before, after), (velocities, segments, offsets, circles) = corners, world
     reached = np.full(len(spans), math.inf)
     parents = np.full(len(spans), -1, dtype=np.int64)
     nodes = nodes_of(first)
