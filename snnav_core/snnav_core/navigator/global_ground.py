@@ -11,9 +11,9 @@ import numpy as np
 from snnav_core.area.tracker_settings import TrackedScene
 from snnav_core.errors import GoalBlocked, GoalUnreachable, InvalidInput, PlanningError, StartBlocked
 from snnav_core.navigator.global_settings import GlobalSettings
-from snnav_core.navigator.journey import Journey, Planner, Situation, deviates, go_on, set_out
+from snnav_core.navigator.journey import Journey, Situation, bent, deviates, go_on, set_out
 from snnav_core.navigator.prediction import predicted_pose, state_fault, up_to
-from snnav_core.planning.spacetime import plan_in_spacetime
+from snnav_core.planning.spacetime import plan_in_spacetime, readjust
 from snnav_core.planning.spacetime_problem import OtherRobot, SpacetimePlan, SpacetimeProblem
 from snnav_core.planning.travel_bound import travel_bound
 from snnav_core.types import (
@@ -84,7 +84,9 @@ class GlobalNavigator:
     What is promised: while bodies keep their velocities within the deviations that they were measured with, a robot
     that drives keeps the safety margin from them. A body that changes its velocity is noticed at the next decision;
     until then, and no longer, the margin can be missed by what the body has moved otherwise meanwhile. Then the robot
-    has another certified path, or stands. A robot that stands is not moved out of the way of what comes to it.
+    has another certified path, or stands; it goes on with less than the margin only where standing would leave even
+    less within the window, and never so that it would touch something. A robot that stands without a path is not moved
+    out of the way of what comes to it.
     """
 
     def __init__(
@@ -249,6 +251,8 @@ class GlobalNavigator:
         journey, decision, reason, holds = memory.journey, None, "", False
         if journey is not None:
             step = go_on(now, journey)
+            if not step.holds:
+                step = bent(now, step.journey, self._readjust) or step
             decision, journey, reason, holds = step.decision, step.journey, step.reason, step.holds
             changed = deviates(now, journey)
             if decision is not None and holds and not changed:
@@ -287,16 +291,21 @@ class GlobalNavigator:
         return Stop(now.robot.id, StopReason.NO_PATH, reason)
 
     def _set_out(self, now: Situation, goal: tuple[float, float]) -> Journey:
-        """A plan around all others; when they leave no way, without those that will be planned around this robot."""
-        planner: Planner = self._plan
-        try:
-            return set_out(now, goal, planner)
-        except PlanningError:
-            later = self._later(now.robot.id)
-            firm = tuple(other for other in now.others if other.id not in later)
-            if len(firm) == len(now.others):
-                raise
-            return set_out(replace(now, others=firm), goal, planner)
+        """A plan around all others; when they leave no way, without those that will be planned around this robot.
+
+        Where there is no room for what is kept in reserve, without that.
+        """
+        later = self._later(now.robot.id)
+        firm = tuple(other for other in now.others if other.id not in later)
+        failure: PlanningError | None = None
+        for reserved in (True, False):
+            for others in (now.others, firm) if len(firm) < len(now.others) else (firm,):
+                try:
+                    return set_out(replace(now, others=others), goal, self._plan, reserved)
+                except PlanningError as error:
+                    failure = failure or error
+        assert failure is not None
+        raise failure
 
     def _plan(self, problem: SpacetimeProblem) -> SpacetimePlan:
         plan = plan_in_spacetime(problem, self.settings.spacetime, self._rng)
@@ -304,6 +313,10 @@ class GlobalNavigator:
             return plan
         margin = self.settings.spacetime.safety_margin + self.settings.spacetime.tracking_tolerance
         return replace(plan, bound=travel_bound(problem, margin))
+
+    def _readjust(self, path: TimedPath, problem: SpacetimeProblem) -> TimedPath | None:
+        found = readjust(path, problem, self.settings.spacetime)
+        return None if found is None else found[0]
 
     def _is_better(self, now: Situation, found: Journey, journey: Journey) -> bool:
         left = journey.path.end_time - now.time

@@ -25,9 +25,11 @@ class GlobalSettings:
     robot_distance : float or None
         What is kept from centre to centre of two robots [m]; None for the safety margin, as in the thesis. Never less
         than both radii together.
-    planning_reserve : float
-        Paths are planned around bodies that are larger by this [m] than the certificate demands later: so far a body
-        may be from where it was expected, or a robot from its pace, before there has to be another path.
+    planning_reserve, moving_reserve : float
+        Paths are planned around bodies that stand, and around robots, that are larger by the first [m] than the
+        certificate demands later, around bodies that move by the second: so far a body may be, or seem to reach, from
+        where it was expected, or a robot from its pace, before there has to be another path. Scanners of 0.5 deg see
+        the outline of a body change by up to 0.08 m while it passes at 10 m.
     velocity_tolerance : float
         A body that was measured to move otherwise than expected by more than this, beyond its deviation, is a reason to
         look for another path [m/s].
@@ -59,6 +61,7 @@ class GlobalSettings:
     time_window: int = 4
     robot_distance: float | None = None
     planning_reserve: float = 0.03
+    moving_reserve: float = 0.1
     velocity_tolerance: float = 0.03
     known_velocity: float = 0.05
     body_speed: float = 2.0
@@ -79,6 +82,7 @@ class GlobalSettings:
             raise InvalidInput(f"global navigator: lead is {self.lead}, must be a whole number >= 0")
         at_least_zero = (
             "planning_reserve",
+            "moving_reserve",
             "velocity_tolerance",
             "body_speed",
             "switch_gain",

@@ -26,11 +26,15 @@ from snnav_core.types import (
     wrap_angle,
 )
 
-__all__ = ["Journey", "Planner", "Situation", "Step", "deviates", "go_on", "set_out"]
+__all__ = ["Adjuster", "Journey", "Planner", "Situation", "Step", "bent", "deviates", "go_on", "set_out"]
 
 Planner = Callable[[SpacetimeProblem], SpacetimePlan]
 """Makes a plan or raises a `PlanningError`."""
 
+Adjuster = Callable[[TimedPath, SpacetimeProblem], TimedPath | None]
+"""Adjusts what is left of a path, if that can be done."""
+
+_HAIR = 1e-3  # [m]
 _RETIME = 0.5  # of the tracking tolerance: from here on a path is timed anew
 _TRIES = 4  # to find out how long the turn before the start takes
 
@@ -69,13 +73,19 @@ class Situation:
         return self.time + self.settings.time_window * self.settings.interval
 
     def problem(
-        self, start: Pose2D, start_time: float, target: FloatArray, reserve: float = 0.0
+        self, start: Pose2D, start_time: float, target: FloatArray, reserved: bool = False
     ) -> SpacetimeProblem:
-        """The problem from a start on, among bodies that are larger by what is not known of them within the window."""
+        """The problem from a start on, among bodies that are larger by what is not known of them within the window.
+
+        With `reserved` also by what a path keeps in reserve when it is planned.
+        """
+        standing = self.settings.planning_reserve if reserved else 0.0
+        moving = self.settings.moving_reserve if reserved else 0.0
         bodies = tuple(
-            replace(body, radius=body.radius + self._doubt(body) + reserve) for body in self.bodies
+            replace(body, radius=body.radius + self._doubt(body) + (moving if body.speed > 0.0 else standing))
+            for body in self.bodies
         )
-        others = tuple(replace(other, distance=other.distance + reserve) for other in self.others)
+        others = tuple(replace(other, distance=other.distance + standing) for other in self.others)
         return SpacetimeProblem(self.robot, start, start_time, target, bodies, others, self.workspace)
 
     def at_once(self) -> Situation:
@@ -101,6 +111,26 @@ class Situation:
         others = tuple(replace(other, path=up_to(other.path, end)) for other in self.others)
         part = up_to(path, end)
         return replace(self, others=others).whole(part, np.asarray(part.points[-1, :2]))
+
+    def lowered(self, path: TimedPath) -> Certificate:
+        """Certificate for the window with no more margin than there is; the robot still touches nothing.
+
+        Its `least_clearance` says how much that is.
+        """
+        verdict = self.window(path)
+        if verdict.accepted:
+            return verdict
+        spacetime = self.settings.spacetime
+        margin = verdict.least_clearance - spacetime.tracking_tolerance - _HAIR
+        if not self.robot.radius <= margin < spacetime.safety_margin:
+            return verdict
+        settings = replace(self.settings, spacetime=replace(spacetime, safety_margin=margin))
+        return replace(self, settings=settings).window(path)
+
+    def standing(self, step: float, heading: float) -> TimedPath:
+        """Stand for the window, and turn to a heading [rad, map] meanwhile."""
+        count = self.settings.time_window * max(1, round(self.settings.interval / step)) + 1
+        return TimedPath(self.time, step, np.repeat(self.pose.position[None], count, axis=0), turn_to=heading)
 
     def published(self, path: TimedPath, verdict: Certificate, source: PathSource) -> PlannedPath:
         """A path with the verdict on it, or on its window, to be followed for the window at most."""
@@ -156,8 +186,17 @@ class Step:
     reason: str = ""
 
 
-def set_out(now: Situation, goal: tuple[float, float], planner: Planner) -> Journey:
+def set_out(now: Situation, goal: tuple[float, float], planner: Planner, reserved: bool = True) -> Journey:
     """Plan a way from where the robot stands, with the time in it that the turn before takes (C2-11).
+
+    Parameters
+    ----------
+    now : Situation
+    goal : tuple of float
+        [m, map]
+    planner : callable
+    reserved : bool
+        Whether the path keeps something in reserve, see `Situation.problem`.
 
     Raises
     ------
@@ -169,7 +208,7 @@ def set_out(now: Situation, goal: tuple[float, float], planner: Planner) -> Jour
     wait = _turn_intervals(now, math.atan2(way[1], way[0]))
     for _ in range(_TRIES):
         start_time = now.time + wait * settings.interval
-        plan = planner(now.problem(now.pose, start_time, target, settings.planning_reserve))
+        plan = planner(now.problem(now.pose, start_time, target, reserved))
         heading = _first_heading(plan.path, now.pose.heading)
         needed = _turn_intervals(now, heading)
         if needed <= wait:
@@ -214,8 +253,28 @@ def go_on(now: Situation, journey: Journey) -> Step:
     if verdict.accepted:
         return Step(now.published(rest, verdict, PathSource.SPACETIME), journey, True)
     part = now.window(rest)
+    if not part.accepted:
+        # where a body has come so near that the margin is lost either way, what keeps more of it
+        stays = now.window(now.standing(rest.step, now.pose.heading))
+        if part.least_clearance > stays.least_clearance + _HAIR:
+            part = now.lowered(rest)
     decision = now.published(rest, part, PathSource.SPACETIME) if part.accepted else None
     return Step(decision, journey, False, f"path of robot {now.robot.id}: {verdict.reason}")
+
+
+def bent(now: Situation, journey: Journey, readjust: Adjuster) -> Step | None:
+    """A path that does not hold any more, adjusted to what is measured now, if the robot can follow it as it heads."""
+    if now.time < journey.path.start_time - TIME_TOLERANCE:
+        return None
+    problem = now.problem(now.pose, now.time, np.array(journey.goal), reserved=True)
+    path = readjust(journey.path, problem)
+    if path is None:
+        return None
+    turn = wrap_angle(_first_heading(path, now.pose.heading) - now.pose.heading)
+    if abs(turn) > now.settings.heading_tolerance:
+        return None
+    step = go_on(now, replace(journey, path=path))
+    return step if step.holds else None
 
 
 def _before_start(now: Situation, journey: Journey) -> Step:
@@ -227,11 +286,9 @@ def _before_start(now: Situation, journey: Journey) -> Step:
     turn = abs(wrap_angle(journey.heading - now.pose.heading))
     if turn > robot.max_turn_rate * (path.start_time - now.time) + settings.heading_tolerance:
         return Step(None, journey, False, f"robot {robot.id} cannot turn in time for its path")
-    count = settings.time_window * max(1, round(settings.interval / path.step)) + 1
-    points = np.repeat(now.pose.position[None], count, axis=0)
-    standing = TimedPath(now.time, path.step, points, turn_to=journey.heading)
+    standing = now.standing(path.step, journey.heading)
     ahead = now.whole(path, np.array(journey.goal))
-    verdict = now.window(standing)
+    verdict = now.lowered(standing)  # it would stand anyway
     if not verdict.accepted:
         return Step(None, journey, False, f"robot {robot.id} before its start: {verdict.reason}")
     decision = now.published(standing, verdict, PathSource.TURN_IN_PLACE)
