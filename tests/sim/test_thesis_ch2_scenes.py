@@ -1,4 +1,4 @@
-"""The three simulations of ch. 2 with the global planner, measured against ground truth, and a body that breaks its word."""
+"""The three simulations of ch. 2 with the global planner against ground truth, and a body that breaks its word."""
 
 from __future__ import annotations
 

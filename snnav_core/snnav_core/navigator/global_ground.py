@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from snnav_core.area.tracker_settings import TrackedScene
-from snnav_core.errors import GoalBlocked, GoalUnreachable, InvalidInput, PlanningError, StartBlocked
+from snnav_core.errors import InvalidInput, PlanningError
 from snnav_core.navigator.global_settings import GlobalSettings
 from snnav_core.navigator.journey import Journey, Situation, bent, deviates, go_on, set_out
 from snnav_core.navigator.prediction import predicted_pose, state_fault, up_to
+from snnav_core.navigator.refusals import not_tracked, stop_for
 from snnav_core.planning.spacetime import plan_in_spacetime, readjust
 from snnav_core.planning.spacetime_problem import OtherRobot, SpacetimePlan, SpacetimeProblem
 from snnav_core.planning.travel_bound import travel_bound
@@ -29,14 +30,6 @@ from snnav_core.types import (
 )
 
 __all__ = ["GlobalNavigator"]
-
-_NAMED = 5  # bodies in a message, at most
-
-_REASONS: dict[type[PlanningError], StopReason] = {
-    StartBlocked: StopReason.START_BLOCKED,
-    GoalBlocked: StopReason.GOAL_BLOCKED,
-    GoalUnreachable: StopReason.GOAL_UNREACHABLE,
-}
 
 
 @dataclass(frozen=True)
@@ -233,19 +226,6 @@ class GlobalNavigator:
         decision, self._memory[name] = self._follow(now, memory)
         return decision
 
-    def _not_tracked(self, now: Situation) -> Stop | None:
-        """A robot does not set out while it is not known how bodies move."""
-        most = self.settings.known_velocity
-        unknown = [body.id for body in now.bodies if body.velocity_deviation > most]
-        if not unknown:
-            return None
-        named = ", ".join(unknown[:_NAMED]) + (", ..." if len(unknown) > _NAMED else "")
-        message = (
-            f"robot {now.robot.id} waits: the velocity of {named} is not yet known to {most:g} m/s; "
-            "it sets out when they were measured more often"
-        )
-        return Stop(now.robot.id, StopReason.NOT_TRACKED, message)
-
     def _follow(self, now: Situation, memory: _Memory) -> tuple[PlannedPath | Stop, _Memory]:
         """What is left of the plan, if it holds; else another one."""
         journey, decision, reason, holds = memory.journey, None, "", False
@@ -259,7 +239,7 @@ class GlobalNavigator:
                 return decision, replace(memory, journey=journey)
             reason = reason or changed
         memory = replace(memory, journey=None if decision is None else journey)
-        waits = self._not_tracked(now)
+        waits = not_tracked(now)
         if waits is not None:
             return decision or waits, memory
         pause = self.settings.retry * self.settings.interval - 1e-6
@@ -271,7 +251,7 @@ class GlobalNavigator:
             drives = decision is not None and decision.source is PathSource.SPACETIME
             found = self._set_out(now.at_once() if drives else now, memory.goal)
         except PlanningError as error:
-            memory = replace(memory, refusal=self._stop_for(error, now))
+            memory = replace(memory, refusal=stop_for(error, now, memory.goal, self._plan))
             if decision is None:
                 return self._refused(now, memory, reason), memory
             return decision, memory
@@ -283,7 +263,7 @@ class GlobalNavigator:
             refusal = Stop(now.robot.id, StopReason.NO_PATH, first.reason)
             memory = replace(memory, refusal=refusal)
             return decision or refusal, memory
-        return first.decision, replace(memory, journey=first.journey, refusal=None)
+        return first.decision, replace(memory, journey=first.journey, refusal=None, tried=-math.inf)
 
     def _refused(self, now: Situation, memory: _Memory, reason: str) -> Stop:
         if memory.refusal is not None:
@@ -321,14 +301,6 @@ class GlobalNavigator:
     def _is_better(self, now: Situation, found: Journey, journey: Journey) -> bool:
         left = journey.path.end_time - now.time
         return found.path.end_time < journey.path.end_time - self.settings.switch_gain * left
-
-    def _stop_for(self, error: PlanningError, now: Situation) -> Stop:
-        text, reason = str(error), _REASONS.get(type(error), StopReason.NO_PATH)
-        if reason is not StopReason.START_BLOCKED and any(
-            f"robot {other.id}" in text for other in now.others
-        ):
-            reason = StopReason.BLOCKED_BY_ROBOT
-        return Stop(now.robot.id, reason, text)
 
     # --- all robots
 
