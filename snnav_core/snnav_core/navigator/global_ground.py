@@ -47,6 +47,8 @@ class _Memory:
         When a way was sought last [s].
     refusal : Stop or None
         What came of it, when there was no way.
+    doubted : int
+        Decisions in a row at which the rest of the path did not hold.
     """
 
     goal: tuple[float, float]
@@ -54,6 +56,7 @@ class _Memory:
     arrived: bool = False
     tried: float = -math.inf
     refusal: Stop | None = None
+    doubted: int = 0
 
 
 class GlobalNavigator:
@@ -231,11 +234,13 @@ class GlobalNavigator:
         journey, decision, reason, holds = memory.journey, None, "", False
         if journey is not None:
             step = go_on(now, journey)
-            if not step.holds:
+            changed = deviates(now, step.journey)
+            memory = replace(memory, doubted=0 if step.holds else memory.doubted + 1)
+            calm = not changed and step.decision is not None and memory.doubted <= self.settings.doubted_steps
+            if not step.holds and not calm:
                 step = bent(now, step.journey, self._readjust) or step
             decision, journey, reason, holds = step.decision, step.journey, step.reason, step.holds
-            changed = deviates(now, journey)
-            if decision is not None and holds and not changed:
+            if decision is not None and (calm or (holds and not changed)):
                 return decision, replace(memory, journey=journey)
             reason = reason or changed
         memory = replace(memory, journey=None if decision is None else journey)

@@ -46,6 +46,9 @@ class GlobalSettings:
         time. One that drives goes on to another path without a stop.
     retry : int
         Where there is no path, or no better one, it is sought again after so many sampling intervals.
+    doubted_steps : int
+        A path is followed for so many decisions while its window holds though the rest of it does not: beside a body
+        that moves a sliver may be out of sight for an instant, and count as a body that stands.
     switch_gain : float
         A path that holds is left only for one that arrives earlier by this share of what is left (C3-26).
     bound : bool
@@ -69,6 +72,7 @@ class GlobalSettings:
     arrival_distance: float = 0.05
     lead: int = 0
     retry: int = 5
+    doubted_steps: int = 2
     switch_gain: float = 0.05
     bound: bool = True
 
@@ -78,8 +82,11 @@ class GlobalSettings:
                 raise InvalidInput(
                     f"global navigator: {name} is {getattr(self, name)}, must be a whole number >= 1"
                 )
-        if self.lead < 0:
-            raise InvalidInput(f"global navigator: lead is {self.lead}, must be a whole number >= 0")
+        for name in ("lead", "doubted_steps"):
+            if getattr(self, name) < 0:
+                raise InvalidInput(
+                    f"global navigator: {name} is {getattr(self, name)}, must be a whole number >= 0"
+                )
         at_least_zero = (
             "planning_reserve",
             "moving_reserve",

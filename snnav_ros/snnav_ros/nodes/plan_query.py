@@ -153,7 +153,7 @@ def query_plan(
     )
     refusal: PlanningError | None = None
     for target in query.targets():
-        problem = now.problem(query.start, query.time, np.array(target), settings.planning_reserve)
+        problem = now.problem(query.start, query.time, np.array(target), reserved=True)
         try:
             return plan_in_spacetime(problem, settings.spacetime, np.random.default_rng(0))
         except GoalBlocked as error:
