@@ -9,12 +9,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from snnav_core.area.grid import Grid
-from snnav_core.sensing.depth import CameraModel, DepthCamera
+from snnav_core.sensing.depth import DepthCamera
 from snnav_core.types import FloatArray
 
 __all__ = ["Carver"]
-
-_CHUNK = 65536  # cells that are projected at once
 
 
 @dataclass(frozen=True)
@@ -79,62 +77,119 @@ class Carver:
 def _windows(camera: DepthCamera, grid: Grid) -> _Windows:
     """Project the corners of all cells; keep those that lie in the image whole."""
     model = camera.model
-    corners = grid.spacing * (np.stack(np.meshgrid(*[[-0.5, 0.5]] * 3, indexing="ij"), -1).reshape(8, 3))
-    centres = ((grid.centres() - camera.position) @ camera.rotation).reshape(-1, 3)
-    turned = corners @ camera.rotation
-    near = np.einsum("ij,ij->i", centres, centres) <= (model.range_max + grid.half_diagonal) ** 2
-    candidates = np.flatnonzero(near)
-    parts = [
-        _project(model, centres[part], turned, part, grid.half_diagonal)
-        for part in np.array_split(candidates, max(1, len(candidates) // _CHUNK))
-    ]
-    return _Windows(*(np.ascontiguousarray(np.concatenate(column)) for column in zip(*parts, strict=True)))
-
-
-def _project(
-    model: CameraModel, centres: FloatArray, corners: FloatArray, cells: NDArray[np.intp], half: float
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int16], NDArray[np.float32]]:
-    """Return the windows of cells: index, first pixel, size, farthest corner."""
-    points = centres[:, None, :] + corners  # (K, 8, 3)
-    far = np.linalg.norm(points, axis=-1).max(axis=1)
-    distance = np.linalg.norm(centres, axis=-1)
-    whole = (distance > 2.0 * half) & (far <= model.range_max)
-    if model.kind == "equal_angle":
-        level = np.hypot(centres[:, 0], centres[:, 1])
-        whole &= level > 1.5 * half  # the azimuth of a cell above or below the camera means nothing
-        azimuth = np.arctan2(centres[:, 1], centres[:, 0])
-        turned = np.arctan2(points[..., 1], points[..., 0]) - azimuth[:, None]
-        left = azimuth[:, None] + np.remainder(turned + np.pi, 2.0 * np.pi) - np.pi
-        up = np.arctan2(points[..., 2], np.hypot(points[..., 0], points[..., 1]))
-        # An edge seen across bulges beyond its corners in elevation, by less than its own angle squared.
-        bulge = 0.5 * (2.0 * half / np.maximum(distance - half, half)) ** 2 * np.abs(up).max(axis=1)
-    else:
-        whole &= points[..., 0].min(axis=1) > 0.1 * half
-        depth = np.maximum(points[..., 0], 1e-9)
-        left, up = points[..., 1] / depth, points[..., 2] / depth
-        bulge = np.zeros(len(centres))
-    column = model.column_centre - left / model.column_step
-    row = model.row_centre - up / model.row_step
-    first_column = np.rint(column.min(axis=1)).astype(np.int64) - 1
-    last_column = np.rint(column.max(axis=1)).astype(np.int64) + 1
-    first_row = np.rint(row.min(axis=1) - bulge / model.row_step).astype(np.int64) - 1
-    last_row = np.rint(row.max(axis=1) + bulge / model.row_step).astype(np.int64) + 1
-    table_columns = model.columns
-    if model.around:
-        table_columns = 2 * model.columns
-        shift = np.floor_divide(first_column, model.columns) * model.columns
-        first_column, last_column = first_column - shift, last_column - shift
-        whole &= last_column - first_column < model.columns - 1
-    whole &= (first_column >= 0) & (last_column < table_columns)
-    whole &= (first_row >= 0) & (last_row < model.rows)
-    size = np.column_stack((last_row - first_row + 1, last_column - first_column + 1))
-    corner = first_row * table_columns + first_column
-    return (
-        cells[whole].astype(np.int32),
-        corner[whole].astype(np.int32),
-        size[whole].astype(np.int16),
-        np.nextafter(far[whole].astype(np.float32), np.float32(np.inf)),
+    table_columns = model.columns * (2 if model.around else 1)
+    cells, corner, size, far = _project(
+        (grid.origin - camera.position) @ camera.rotation,
+        np.ascontiguousarray(grid.spacing * camera.rotation),
+        grid.shape,
+        model.kind == "equal_angle",
+        (model.columns, model.rows, table_columns),
+        (model.column_step, model.row_step, model.column_centre, model.row_centre),
+        (model.range_max, grid.half_diagonal),
     )
+    return _Windows(cells, corner, size, np.nextafter(far, np.float32(np.inf)))
+
+
+@njit(cache=True, nogil=True)
+def _project(
+    origin: FloatArray,
+    axes: FloatArray,
+    shape: tuple[int, int, int],
+    angles: bool,
+    pixels: tuple[int, int, int],
+    optics: tuple[float, float, float, float],
+    reach: tuple[float, float],
+) -> tuple[
+    NDArray[np.int32], NDArray[np.int32], NDArray[np.int16], NDArray[np.float32]
+]:  # pragma: no cover - compiled
+    """Return the windows of cells: index, first pixel, size, farthest corner.
+
+    Parameters
+    ----------
+    origin, axes : ndarray, shapes (3,) and (3, 3)
+        Lowest corner of the grid, and the edges of a cell as rows, in the camera frame [m].
+    shape : tuple of int
+        Of the grid.
+    angles : bool
+        Whether pixels are equal steps of angle, else of the tangent.
+    pixels : tuple of int
+        Columns and rows of the image, columns of the table (twice as many when the image closes round).
+    optics : tuple of float
+        Steps and centres, of columns and rows.
+    reach : tuple of float
+        Greatest range, half the diagonal of a cell [m].
+    """
+    range_max, half = reach
+    found = 0
+    count = shape[0] * shape[1] * shape[2]
+    cells = np.empty(count, dtype=np.int32)
+    corner = np.empty(count, dtype=np.int32)
+    size = np.empty((count, 2), dtype=np.int16)
+    far = np.empty(count, dtype=np.float32)
+    layers = np.empty(
+        (2, shape[1] + 1, shape[2] + 1, 3)
+    )  # left, up, distance of corners, of two layers in turn
+    _look_at(layers[0], origin, axes, angles, half)
+    for index in range(count):
+        i, j, k = index // (shape[1] * shape[2]), index // shape[2] % shape[1], index % shape[2]
+        if j == 0 and k == 0:
+            _look_at(layers[(i + 1) % 2], origin + (i + 1) * axes[0], axes, angles, half)
+        left_low, left_high, up_low, up_high = np.inf, -np.inf, np.inf, -np.inf
+        nearest, farthest = np.inf, 0.0
+        first = layers[i % 2, j, k, 0]
+        for number in range(8):
+            one = layers[(i + (number & 1)) % 2, j + (number >> 1 & 1), k + (number >> 2)]
+            left = one[0]
+            if angles:
+                left -= 2.0 * np.pi * np.floor((left - first) / (2.0 * np.pi) + 0.5)
+            left_low, left_high = min(left_low, left), max(left_high, left)
+            up_low, up_high = min(up_low, one[1]), max(up_high, one[1])
+            nearest, farthest = min(nearest, one[2]), max(farthest, one[2])
+        if nearest < 0.0 or farthest > range_max:
+            continue
+        bulge = 0.0
+        if angles:
+            # An edge seen across bulges beyond its corners in elevation, by less than its own angle squared.
+            wide = 2.0 * half / nearest
+            bulge = 0.5 * wide * wide * max(abs(up_low), abs(up_high)) / optics[1]
+        first_column = int(np.rint(optics[2] - left_high / optics[0])) - 1
+        last_column = int(np.rint(optics[2] - left_low / optics[0])) + 1
+        first_row = int(np.rint(optics[3] - up_high / optics[1] - bulge)) - 1
+        last_row = int(np.rint(optics[3] - up_low / optics[1] + bulge)) + 1
+        if pixels[2] > pixels[0]:
+            shift = first_column // pixels[0] * pixels[0]
+            first_column, last_column = first_column - shift, last_column - shift
+            if last_column - first_column >= pixels[0] - 1:
+                continue
+        if first_column < 0 or last_column >= pixels[2] or first_row < 0 or last_row >= pixels[1]:
+            continue
+        cells[found] = index
+        corner[found] = first_row * pixels[2] + first_column
+        size[found, 0], size[found, 1] = last_row - first_row + 1, last_column - first_column + 1
+        far[found] = farthest
+        found += 1
+    return cells[:found].copy(), corner[:found].copy(), size[:found].copy(), far[:found].copy()
+
+
+@njit(cache=True, nogil=True)
+def _look_at(
+    layer: FloatArray, origin: FloatArray, axes: FloatArray, angles: bool, half: float
+) -> None:  # pragma: no cover - compiled
+    """Fill (ny + 1, nz + 1, 3): to the left, up, distance of corners; a distance below 0 where these mean nothing."""
+    for j in range(layer.shape[0]):
+        for k in range(layer.shape[1]):
+            x = origin[0] + j * axes[1, 0] + k * axes[2, 0]
+            y = origin[1] + j * axes[1, 1] + k * axes[2, 1]
+            z = origin[2] + j * axes[1, 2] + k * axes[2, 2]
+            level = np.sqrt(x * x + y * y)
+            one = layer[j, k]
+            if angles:
+                one[0], one[1] = np.arctan2(y, x), np.arctan2(z, level)
+                sound = level > half  # the azimuth of a cell above or below the camera means nothing
+            else:
+                sound = x > 0.1 * half
+                one[0], one[1] = y / max(x, 1e-9), z / max(x, 1e-9)
+            one[2] = np.sqrt(level * level + z * z) if sound else -1.0
 
 
 @njit(cache=True, nogil=True)

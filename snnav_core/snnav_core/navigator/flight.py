@@ -100,7 +100,7 @@ class FlightNavigator:
                 planner.reset()
                 decisions[name] = stop or Stop(name, StopReason.NO_AREA, "no area")
                 continue
-            others = self._others(name, time, states)
+            others = self._others(name, time, states, goals)
             decisions[name] = planner.decide(time, area, state, np.asarray(goal, dtype=np.float64), others)
         for name, decision in decisions.items():
             waits = isinstance(decision, Stop) and decision.reason in _WAITING
@@ -112,16 +112,22 @@ class FlightNavigator:
         patient = [name for name in self._planners if self._blocked[name] < self.settings.blocked_steps]
         return [name for name in self._planners if name not in patient] + patient
 
-    def _others(self, name: str, time: float, states: Mapping[str, FlyerState]) -> list[OtherFlyer]:
+    def _others(
+        self, name: str, time: float, states: Mapping[str, FlyerState], goals: Mapping[str, FloatArray]
+    ) -> list[OtherFlyer]:
         """Where all other robots are going to be."""
         others = []
         for other, planner in self._planners.items():
             if other == name or other not in states:
                 continue
-            path = planner.promised(time)
+            path, place = planner.promised(time), states[other].position
+            leaves = False
             if path is None:
-                path = TimedPath(time, self.settings.sampling_interval, states[other].position[None])
-            others.append(OtherFlyer(other, planner.robot.radius, path))
+                path = TimedPath(time, self.settings.sampling_interval, place[None])
+                goal = goals.get(other)
+                leaves = goal is not None and np.shape(goal) == (3,)
+                leaves = leaves and float(np.linalg.norm(goal - place)) > planner.distances.arrival
+            others.append(OtherFlyer(other, planner.robot.radius, path, leaves))
         return others
 
 

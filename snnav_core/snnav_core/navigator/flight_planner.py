@@ -220,6 +220,8 @@ class _Task:
         apart = np.array([self._apart(other) for other in self.others])
         lacking = apart[:, None] - np.linalg.norm(places - chain, axis=2)
         lacking[:, [0, 1, -2, -1]] = -np.inf  # where the robot is, and at its target, nothing can be bent
+        leaving = np.array([other.leaves for other in self.others])
+        lacking[np.ix_(leaving, times > self.time + self.distances.window)] = -np.inf
         which, where = np.unravel_index(int(np.argmax(lacking)), lacking.shape)
         return (int(where), float(apart[which])) if lacking[which, where] > 0.01 else None
 
@@ -268,10 +270,11 @@ class _Task:
         barriers: list[Barrier] = [RegionBarrier(self.area, planned, distances.growth(self.since))]
         for other in self.others:
             ahead = max(other.path.end_time - self.time, 0.0)
-            count = 2 + int(ahead / distances.step)
+            count = 2 + int(max(ahead, distances.window if other.leaves else 0.0) / distances.step)
             times: FloatArray = self.time + distances.step * np.arange(1, count + 1, dtype=np.float64)
-            centres = other.path.positions_at(times)
-            barriers.append(DiskBarrier(centres, np.full(count, self._apart(other))))
+            apart = np.full(count, self._apart(other))
+            apart[-1] *= not other.leaves
+            barriers.append(DiskBarrier(other.path.positions_at(times), apart))
         if self.state.speed > 0.0:
             around = int(np.ceil(2.0 * np.pi * distances.torus / distances.link))
             barriers.append(TorusBarrier(self.state.position, self.state.direction, distances.torus, around))

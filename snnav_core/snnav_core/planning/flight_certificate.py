@@ -25,11 +25,16 @@ _STOPS = 8  # so many places in an interval are looked at where another robot ma
 
 @dataclass(frozen=True)
 class OtherFlyer:
-    """Where another robot will be: it follows `path` and hovers at its end."""
+    """Where another robot will be: it follows `path` and hovers at its end.
+
+    One that `leaves` hovers now and has a target elsewhere: planning counts with it for the window only, else robots
+    that want to each other's places would wait for each other. The certificate makes no difference.
+    """
 
     id: str
     radius: float
     path: TimedPath
+    leaves: bool = False
 
 
 def certify_flight(

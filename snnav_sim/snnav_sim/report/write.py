@@ -103,7 +103,7 @@ def _evaluate(scene: AnyScene, record: RunRecord) -> tuple[dict[str, Any], Calla
     """Return the metrics, and what draws into a directory."""
     if isinstance(scene, SpaceScene):
         assert isinstance(record, FlightRecord), "a run in space has a record of its own"
-        return compute_flight_metrics(scene, record), lambda directory: None
+        return compute_flight_metrics(scene, record), lambda directory: _draw_flight(directory, scene, record)
     truth = GroundTruth(scene)
     return compute_metrics(scene, record, truth), lambda directory: _draw(directory, scene, record, truth)
 
@@ -116,6 +116,12 @@ def _fill(draft: Path, scene: AnyScene, record: RunRecord, metrics: dict[str, An
     if isinstance(record, FlightRecord):
         _table(draft / "tracking.csv", TRACKING_COLUMNS, _tracking_rows(record))
     (draft / "figures").mkdir()
+
+
+def _draw_flight(directory: Path, scene: SpaceScene, record: FlightRecord) -> None:
+    from snnav_sim.report.flight_figures import draw_flight  # takes a second to import
+
+    draw_flight(scene, record, directory)
 
 
 def _draw(directory: Path, scene: Scene, record: RunRecord, truth: GroundTruth) -> None:

@@ -135,3 +135,13 @@ def test_settings_that_do_not_fit_the_robot_are_refused() -> None:
         FlightNavigator([BEE, BEE], FlightSettings(0.2, 0.5))
     with pytest.raises(InvalidInput, match="time_window is 0"):
         FlightSettings(0.2, 0.5, time_window=0)
+
+
+def test_robots_that_want_to_each_others_places_do_not_wait_for_each_other() -> None:
+    starts = {"bee": at(1.0, 2.5, 1.5), "wasp": at(7.0, 2.5, 1.5), "fly": at(4.0, 6.0, 1.2)}
+    goals = {"bee": starts["wasp"], "wasp": starts["fly"], "fly": starts["bee"]}
+    decisions = Hall(starts, goals).decide().decisions
+    assert isinstance(decisions["bee"], PlannedPath)
+    assert not any(
+        isinstance(one, Stop) and one.reason == StopReason.BLOCKED_BY_ROBOT for one in decisions.values()
+    )
