@@ -33,6 +33,7 @@ THIRD_PARTY = {
         "numba",
         "yaml",
         "matplotlib",
+        "mpl_toolkits",
         "PIL",
         "rich",
         "trimesh",
@@ -40,7 +41,7 @@ THIRD_PARTY = {
     },
 }
 
-ROSDEP_KEYS = {"tf2_ros": "tf2_ros_py", "PIL": "pil", "trimesh": "trimesh-pip"}
+ROSDEP_KEYS = {"tf2_ros": "tf2_ros_py", "PIL": "pil", "mpl_toolkits": "matplotlib", "trimesh": "trimesh-pip"}
 WITHOUT_ROSDEP_KEY = {
     "embreex",
     "rosbags",

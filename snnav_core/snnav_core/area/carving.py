@@ -126,25 +126,14 @@ def _project(
     corner = np.empty(count, dtype=np.int32)
     size = np.empty((count, 2), dtype=np.int16)
     far = np.empty(count, dtype=np.float32)
-    layers = np.empty(
-        (2, shape[1] + 1, shape[2] + 1, 3)
-    )  # left, up, distance of corners, of two layers in turn
+    layers = np.empty((2, shape[1] + 1, shape[2] + 1, 3))  # of corners, two in turn: left, up, distance
     _look_at(layers[0], origin, axes, angles, half)
     for index in range(count):
         i, j, k = index // (shape[1] * shape[2]), index // shape[2] % shape[1], index % shape[2]
         if j == 0 and k == 0:
             _look_at(layers[(i + 1) % 2], origin + (i + 1) * axes[0], axes, angles, half)
-        left_low, left_high, up_low, up_high = np.inf, -np.inf, np.inf, -np.inf
-        nearest, farthest = np.inf, 0.0
-        first = layers[i % 2, j, k, 0]
-        for number in range(8):
-            one = layers[(i + (number & 1)) % 2, j + (number >> 1 & 1), k + (number >> 2)]
-            left = one[0]
-            if angles:
-                left -= 2.0 * np.pi * np.floor((left - first) / (2.0 * np.pi) + 0.5)
-            left_low, left_high = min(left_low, left), max(left_high, left)
-            up_low, up_high = min(up_low, one[1]), max(up_high, one[1])
-            nearest, farthest = min(nearest, one[2]), max(farthest, one[2])
+        ends = _ends(layers[i % 2], layers[(i + 1) % 2], j, k, angles)
+        left_low, left_high, up_low, up_high, nearest, farthest = ends
         if nearest < 0.0 or farthest > range_max:
             continue
         bulge = 0.0
@@ -169,6 +158,26 @@ def _project(
         far[found] = farthest
         found += 1
     return cells[:found].copy(), corner[:found].copy(), size[:found].copy(), far[:found].copy()
+
+
+@njit(cache=True, nogil=True)
+def _ends(
+    one: FloatArray, other: FloatArray, j: int, k: int, angles: bool
+) -> tuple[float, float, float, float, float, float]:  # pragma: no cover - compiled
+    """Between which coordinates, and at which distances, the eight corners of a cell lie in two layers of corners."""
+    left_low, left_high, up_low, up_high = np.inf, -np.inf, np.inf, -np.inf
+    nearest, farthest = np.inf, 0.0
+    first = one[j, k, 0]
+    for number in range(8):
+        layer = one if number & 1 == 0 else other
+        corner = layer[j + (number >> 1 & 1), k + (number >> 2)]
+        left = corner[0]
+        if angles:
+            left -= 2.0 * np.pi * np.floor((left - first) / (2.0 * np.pi) + 0.5)
+        left_low, left_high = min(left_low, left), max(left_high, left)
+        up_low, up_high = min(up_low, corner[1]), max(up_high, corner[1])
+        nearest, farthest = min(nearest, corner[2]), max(farthest, corner[2])
+    return left_low, left_high, up_low, up_high, nearest, farthest
 
 
 @njit(cache=True, nogil=True)

@@ -125,8 +125,8 @@ class FlightNavigator:
             if path is None:
                 path = TimedPath(time, self.settings.sampling_interval, place[None])
                 goal = goals.get(other)
-                leaves = goal is not None and np.shape(goal) == (3,)
-                leaves = leaves and float(np.linalg.norm(goal - place)) > planner.distances.arrival
+                if goal is not None and np.shape(goal) == (3,):
+                    leaves = float(np.linalg.norm(goal - place)) > planner.distances.arrival
             others.append(OtherFlyer(other, planner.robot.radius, path, leaves))
         return others
 
