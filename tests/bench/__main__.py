@@ -11,6 +11,7 @@ import lidar_bench
 import planning_bench
 import spacetime_bench
 import swap_bench
+import tof_bench
 from harness import Row
 from rich.console import Console
 from rich.table import Table
@@ -19,6 +20,7 @@ BENCHES = {
     "planning: one robot, thesis_ch3_scene1": planning_bench.rows,
     "unoccupied area: 12 scanners of 361 beams, 3 robots removed": area_bench.rows,
     "scanner: 361 beams against 200 segments": lidar_bench.rows,
+    "ToF camera: 128 x 128 pixels against 504 triangles": tof_bench.rows,
     "fusion and decision for all robots, hall of 80 x 60 m, 40 scanners, delta 1 s": crowd_bench.rows,
     **swap_bench.benches(),
     **spacetime_bench.benches(),
