@@ -73,9 +73,10 @@ class _Parser(argparse.ArgumentParser):
 def _parser() -> argparse.ArgumentParser:
     from snnav_ros.bag.commands import add_parser as add_recordings
     from snnav_ros.campaign_command import add_parsers as add_campaigns
+    from snnav_ros.coverage_command import add_parsers as add_coverage
     from snnav_ros.run_command import add_parsers as add_runs
 
-    registry: tuple[Callable[[Any], None], ...] = (add_runs, add_campaigns, add_recordings)
+    registry: tuple[Callable[[Any], None], ...] = (add_runs, add_coverage, add_campaigns, add_recordings)
     parser = _Parser(
         prog=_PROGRAM, description="Navigation of mobile robots through a network of range finders."
     )

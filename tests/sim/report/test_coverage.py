@@ -1,0 +1,52 @@
+"""What cameras see and where robots can get is told before anything flies."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from snnav_sim.report.coverage import Coverage, measure_coverage
+from snnav_sim.report.coverage_figure import draw_coverage
+from snnav_sim.scene import SpaceScene, find_scene, load_any_scene
+from snnav_sim.space_types import Box
+
+
+def scene() -> SpaceScene:
+    loaded = load_any_scene(find_scene("hello_flight"))
+    assert isinstance(loaded, SpaceScene)
+    return loaded
+
+
+@cache
+def whole() -> Coverage:
+    return measure_coverage(scene())
+
+
+def test_four_cameras_cover_both_rooms() -> None:
+    assert whole().seen_share > 0.95
+    assert whole().robots == {"bee": "reachable"}
+    assert len(whole().volumes) == 1
+    shares = np.array(list(whole().cameras.values()))
+    assert (shares[:, 0] >= shares[:, 1]).all()
+    assert shares[:, 1].sum() <= whole().seen_share
+
+
+def test_what_is_missing_is_named() -> None:
+    west = replace(scene(), sensors=scene().sensors[:2])
+    assert measure_coverage(west).robots["bee"] == "the target is not seen, or not free"
+    closed = replace(
+        scene(), obstacles=(replace(scene().obstacles[0], solid=Box((3.0, 0.0, 0.0), (3.4, 4.0, 3.0))),)
+    )
+    coverage = measure_coverage(closed)
+    assert coverage.robots["bee"] == "start and target are in different components"
+    assert len(coverage.volumes) == 2
+    near = replace(scene(), robots=(replace(scene().robots[0], target=(5.4, 2.6, 2.8)),))
+    assert "of the margin of 0.4 m" in measure_coverage(near).robots["bee"]
+
+
+def test_cuts_are_drawn(tmp_path: Path) -> None:
+    draw_coverage(scene(), whole(), tmp_path / "cuts.png")
+    assert (tmp_path / "cuts.png").stat().st_size > 10_000
