@@ -15,7 +15,7 @@ setup(
     python_requires=">=3.11",
     package_dir={"": "."},  # said in so many words, pip links an editable installation by a plain .pth
     packages=find_packages(),
-    package_data={PACKAGE: ["py.typed", "scenes/*.yaml"]},
+    package_data={PACKAGE: ["py.typed", "scenes/*.yaml", "report/*.html"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

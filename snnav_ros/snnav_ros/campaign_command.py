@@ -34,6 +34,7 @@ _KINDS = {
     "dynamic": "one robot among up to five people who walk to and fro",
     "multi": "two to twenty robots",
     "faults": "one robot, people, and range finders that fail",
+    "flight": "one to eight flying robots, people, and cameras of which some fail",
 }
 _BAR_WIDTH = 20
 

@@ -11,14 +11,17 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from snnav_core.errors import InvalidInput, PlanningError
+from snnav_sim.campaign.flights import draw_flight_scene
 from snnav_sim.campaign.halls import Draws, Hall, between, draw_hall, draw_sensors
 from snnav_sim.campaign.places import draw_place, without_locked_in
 from snnav_sim.campaign.reference import planned_distance, window_distance
 from snnav_sim.campaign.walkers import draw_walkers, swept
 from snnav_sim.random_scenes import faulty_scene
 from snnav_sim.report.optimum import reduced, shortest_path
+from snnav_sim.scene import AnyScene
 from snnav_sim.scene_faults import FAULT_KINDS
 from snnav_sim.scene_types import RobotScene, Scene
+from snnav_sim.space_types import SpaceScene
 from snnav_sim.world import World
 
 __all__ = ["KINDS", "campaign_scene"]
@@ -32,7 +35,7 @@ _WITH_PEOPLE = 0.9  # share of the dynamic scenes
 _FASTER = 0.5  # V_max is at most so much of the speed of a robot
 
 
-def campaign_scene(kind: str, seed: int) -> Scene:
+def campaign_scene(kind: str, seed: int) -> AnyScene:
     """Return the random scene of one run.
 
     Parameters
@@ -40,13 +43,13 @@ def campaign_scene(kind: str, seed: int) -> Scene:
     kind : str
         ``static``: one robot, and nothing ever moves (V_max = 0). ``dynamic``: one robot among up to five people who
         walk to and fro. ``multi``: two to twenty robots. ``faults``: `snnav_sim.random_scenes.faulty_scene` with one
-        kind of fault, or all of them.
+        kind of fault, or all of them. ``flight``: one to eight flying robots, see `snnav_sim.campaign.flights`.
     seed : int
         From 0; the seed of the scene too.
 
     Returns
     -------
-    Scene
+    Scene or SpaceScene
         A legal one; starts keep the safety margin of everything.
 
     Raises
@@ -72,12 +75,23 @@ def campaign_scene(kind: str, seed: int) -> Scene:
     if kind == "faults":
         return _faulty(seed)
     draws = np.random.default_rng([_STREAM, KINDS.index(kind), seed])
+    if kind == "flight":
+        return _flight(draws, seed)
     make, description = _MAKERS[kind]
     for _ in range(_TRIES):
         scene = make(draws)
         if scene is not None:
             return replace(scene, name=f"{kind}_{seed}", description=description, seed=seed)
     raise RuntimeError(f"no scene of kind {kind} with seed {seed} in {_TRIES} tries")
+
+
+def _flight(draws: Draws, seed: int) -> SpaceScene:
+    for _ in range(_TRIES):
+        scene = draw_flight_scene(draws)
+        if scene is not None:
+            description = "Random room, flying robots"
+            return replace(scene, name=f"flight_{seed}", description=description, seed=seed)
+    raise RuntimeError(f"no scene of kind flight with seed {seed} in {_TRIES} tries")
 
 
 def _faulty(seed: int) -> Scene:
@@ -193,5 +207,5 @@ _MAKERS: dict[str, tuple[Callable[[Draws], Scene | None], str]] = {
     "dynamic": (_dynamic, "Random hall, one robot among people who walk to and fro"),
     "multi": (_multi, "Random hall, several robots"),
 }
-KINDS = (*_MAKERS, "faults")
+KINDS = (*_MAKERS, "faults", "flight")
 """Kinds of campaigns."""

@@ -18,7 +18,7 @@ from snnav_sim.report.separation import Separations, separations
 from snnav_sim.report.truth import GroundTruth
 from snnav_sim.scene_types import RobotScene, Scene
 
-__all__ = ["judge"]
+__all__ = ["judge", "since"]
 
 Flags = NDArray[np.bool_]
 
@@ -95,8 +95,8 @@ def _violations(
     clearance, separation = truth.clearance(rows[:, 1:3], times), apart.at(index, times)
     driving = rows[:, 4] > 0.0
     near, hit = clearance < scene.safety_margin, clearance < robot.radius
-    too_near = _since(near, driving | _within_windows(scene, robot, record, times))
-    struck = hit & (too_near | _since(hit, driving))
+    too_near = since(near, driving | _within_windows(scene, robot, record, times))
+    struck = hit & (too_near | since(hit, driving))
     return {
         "collisions": int(np.sum(struck | (separation < robot.radius))),
         "margin_violations": int(np.sum(too_near | (separation < scene.safety_margin))),
@@ -105,7 +105,7 @@ def _violations(
     }
 
 
-def _since(episodes: Flags, cause: Flags) -> Flags:
+def since(episodes: Flags, cause: Flags) -> Flags:
     """The rows of all episodes (runs of true values) whose first row has a cause, shape (N,)."""
     first = episodes & ~np.concatenate(([False], episodes[:-1]))
     begins = np.append(np.flatnonzero(first), 0)

@@ -11,11 +11,12 @@ from typing import Any
 
 from snnav_sim.campaign.generate import campaign_scene
 from snnav_sim.campaign.judge import judge
+from snnav_sim.campaign.judge_flight import judge_flight
+from snnav_sim.report.flight_record import FlightRecord
 from snnav_sim.report.record import RunRecord
 from snnav_sim.report.truth import GroundTruth
 from snnav_sim.report.write import paths_digest
-from snnav_sim.scene import dump_scene
-from snnav_sim.scene_types import Scene
+from snnav_sim.scene import AnyScene, SpaceScene, dump_scene
 from snnav_sim.simulation import simulate
 
 __all__ = [
@@ -72,7 +73,7 @@ def campaign_run(kind: str, seed: int, directory: Path | None = None) -> dict[st
             text = dump_scene(scene)
             write_whole(directory / SCENES / f"{run_name(kind, seed)}.yaml", text.encode("utf-8"))
         record = simulate(scene)
-        outcome = {**judge(scene, record), "paths_sha1": paths_digest(record), "error": ""}
+        outcome = {**_judge(scene, record), "paths_sha1": paths_digest(record), "error": ""}
         if directory is not None and not all(robot["reached"] for robot in outcome["robots"].values()):
             _draw(directory, kind, seed, scene, record)
     except Exception as error:  # a run that fails is a result of the campaign
@@ -80,6 +81,13 @@ def campaign_run(kind: str, seed: int, directory: Path | None = None) -> dict[st
             kind, seed, directory, f"{type(error).__name__}: {error}", traceback.format_exc()
         )
     return {"kind": kind, "seed": seed, **outcome, "seconds": round(clock.perf_counter() - begin, 3)}
+
+
+def _judge(scene: AnyScene, record: RunRecord) -> dict[str, Any]:
+    if isinstance(scene, SpaceScene):
+        assert isinstance(record, FlightRecord)
+        return judge_flight(scene, record)
+    return judge(scene, record)
 
 
 def failed_run(kind: str, seed: int, directory: Path | None, error: str, details: str) -> dict[str, Any]:
@@ -115,10 +123,15 @@ def write_whole(path: Path, content: bytes) -> None:
         raise
 
 
-def _draw(directory: Path, kind: str, seed: int, scene: Scene, record: RunRecord) -> None:
+def _draw(directory: Path, kind: str, seed: int, scene: AnyScene, record: RunRecord) -> None:
     # drawing needs matplotlib, which takes a second to import
     from snnav_sim.report.figures import draw_scene
+    from snnav_sim.report.flight_figures import draw_flight_scene
 
     path = directory / PICTURES / f"{run_name(kind, seed)}.png"
     path.parent.mkdir(parents=True, exist_ok=True)
-    draw_scene(scene, record, GroundTruth(scene), path)
+    if isinstance(scene, SpaceScene):
+        assert isinstance(record, FlightRecord)
+        draw_flight_scene(scene, record, path)
+    else:
+        draw_scene(scene, record, GroundTruth(scene), path)

@@ -14,6 +14,7 @@ from snnav_core.types import FloatArray
 from snnav_sim.report.drawing import MARGIN, MOVER, robot_colour
 from snnav_sim.report.flight_metrics import flight_clearances, flight_separations
 from snnav_sim.report.flight_record import FlightRecord
+from snnav_sim.report.flight_view import write_flight_view
 from snnav_sim.report.space_drawing import CAMERA, draw_room, set_up_view
 from snnav_sim.space_types import SpaceScene
 
@@ -30,6 +31,7 @@ def draw_flight(scene: SpaceScene, record: FlightRecord, directory: Path) -> Non
     draw_flight_scene(scene, record, directory / "scene.png")
     if not any(record.samples.values()):
         return
+    write_flight_view(scene, record, directory / "view.html")
     draw_flight_clearance(scene, record, directory / "clearance.png")
     if any(record.errors.values()):
         draw_tracking(scene, record, directory / "tracking.png")
