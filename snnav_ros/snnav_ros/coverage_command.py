@@ -54,7 +54,13 @@ def _coverage(arguments: argparse.Namespace) -> int:
     if arguments.out is not None:
         from snnav_sim.report.coverage_figure import draw_coverage
 
-        draw_coverage(scene, coverage, arguments.out)
+        try:
+            arguments.out.parent.mkdir(parents=True, exist_ok=True)
+            draw_coverage(scene, coverage, arguments.out)
+        except OSError as error:
+            raise InvalidInput(
+                f"--out {arguments.out}: cannot be written ({error.strerror}): give another file"
+            ) from None
     return 0 if all(verdict == "reachable" for verdict in coverage.robots.values()) else 1
 
 

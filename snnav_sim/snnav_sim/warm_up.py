@@ -22,22 +22,23 @@ __all__ = ["warm_up"]
 
 
 def warm_up() -> None:
-    """Take two scenes through a few decisions; what is compiled stays on disk beside the modules.
+    """Take some scenes through a few decisions; what is compiled stays on disk beside the modules.
 
     Notes
     -----
     The small scene has circles and a single robot, the large one moving bodies, a memory and several robots:
-    together they call every kernel but those of the global planner, which plans a path of its own, and those of
-    flight, which have a scene of their own. A few seconds when
-    nothing is compiled yet, about one second afterwards.
+    together they call every kernel but those of the tracker of bodies and of flight, which have scenes of their own,
+    and those of the global planner, which plans a path of its own. Some ten seconds when nothing is compiled yet, a few
+    afterwards.
     """
-    for name, decisions in (("hello", 2), ("factory", 2)):
+    for name, decisions in (("hello", 2), ("factory", 2), ("thesis_ch2_dynamic", 3)):
         simulation = Simulation(load_scene(find_scene(name)))
         for _ in range(decisions):
             simulation.decide()
             for _ in range(simulation.scene.ticks_per_sample):
                 simulation.move()
-        compute_metrics(simulation.scene, simulation.record)
+        if not simulation.scene.plans_globally:
+            compute_metrics(simulation.scene, simulation.record)
     _warm_up_global_planner()
     _warm_up_flight()
     del simulation

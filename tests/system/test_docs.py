@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from snnav_core.types import StopReason
-from snnav_sim.scene import parse_scene
+from snnav_sim.scene import parse_any_scene, parse_scene
 from snnav_sim.simulation import simulate
 
 ROOT = Path(__file__).parents[2]
@@ -64,7 +64,7 @@ def test_there_is_something_to_check() -> None:
 
 @pytest.mark.parametrize("text", named(scenes()))
 def test_scene_examples_are_scenes(text: str) -> None:
-    assert parse_scene(text, "example").sensors
+    assert parse_any_scene(text, "example").sensors
 
 
 def test_scene_of_the_readme_runs_to_the_target() -> None:
