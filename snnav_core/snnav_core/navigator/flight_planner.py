@@ -140,7 +140,7 @@ class _Task:
         rng = np.random.default_rng(seed)
         settings = self.settings.roadmap
         samples = settings.samples << min(failures // 2, settings.attempts - 1)
-        denser = RoadmapSettings(samples, settings.neighbours, 1)
+        denser = RoadmapSettings(samples, settings.neighbours, 1, narrow=failures > 0)
         asked = [(reserve, spheres) for spheres in self._crowds() for reserve in self.reserves]
         for index in range(2):
             reserve, spheres = asked[(2 * failures + index) % len(asked)]

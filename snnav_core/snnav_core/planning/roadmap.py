@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
@@ -17,6 +18,7 @@ from snnav_core.types import FloatArray
 __all__ = ["Roadmap", "RoadmapSettings", "Spheres", "build_roadmap", "rough_path"]
 
 _SWEEP = 0.5  # edges are looked at every so many cells
+_NARROW = 5  # cells
 _NOBODY = np.empty((0, 4))
 
 Spheres = FloatArray
@@ -35,11 +37,14 @@ class RoadmapSettings:
         N_c.
     attempts : int
         When no path is found, the number of samples is doubled, up to so many roadmaps in all.
+    narrow : bool
+        Half of the samples lie where the reduced region is narrow: holes hold too few of those that lie anywhere.
     """
 
     samples: int = 600
     neighbours: int = 12
     attempts: int = 3
+    narrow: bool = False
 
 
 @dataclass(frozen=True)
@@ -86,10 +91,15 @@ def build_roadmap(
     spheres : ndarray, shape (K, 4)
         Other robots, which are avoided as if they stood (C4-8).
     """
-    cells = np.argwhere(area.reduced(distance, growth))
+    region = area.reduced(distance, growth)
+    cells = np.argwhere(region)
     if len(cells) == 0:
         return Roadmap(np.empty((0, 3)), np.empty((0, 2), dtype=np.int64), np.empty(0), distance, growth)
     chosen = cells[rng.integers(len(cells), size=settings.samples)]
+    thin = _thin(region) if settings.narrow else cells[:0]
+    if len(thin):
+        half = settings.samples // 2
+        chosen[:half] = thin[rng.integers(len(thin), size=half)]
     jitter = rng.uniform(-0.5, 0.5, (settings.samples, 3))
     centres = area.grid.origin + area.grid.spacing * (chosen + 0.5)
     points = centres + area.grid.spacing * jitter
@@ -106,6 +116,12 @@ def build_roadmap(
     edges = pairs[valid]
     lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
     return Roadmap(points, edges, lengths, distance, growth)
+
+
+def _thin(region: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Cells of a region, (K, 3), that no cube of some cells inside it holds."""
+    held = ndimage.minimum_filter(region.astype(np.uint8), _NARROW)
+    return np.argwhere(region & (ndimage.maximum_filter(held, _NARROW) == 0))
 
 
 def rough_path(
