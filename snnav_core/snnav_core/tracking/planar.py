@@ -20,6 +20,7 @@ _TIME_TOLERANCE = 1e-9  # [s]
 _TURN_TOLERANCE = 1e-9  # [rad]
 _APPROACH = 0.4  # share of the speed spent on closing in, lambda * sigma / v
 _FASTEST_CONVERGENCE = 0.5  # largest lambda times control period
+_AT_END = 0.02  # share of the way of a control period that is no way any more
 _WINDOW_LINKS = 2.0  # the closest point is sought so many (longest) links around the last one
 
 
@@ -185,14 +186,18 @@ class PlanarTracker:
         if self._finished or self._track is None:
             return _STOP
         nearest = self._locate(self._track, self._path, pose, time)
-        if nearest.distance >= self._track.length - 0.5 * self.robot.speed * self.control_period:
+        share = (self._track.length - nearest.distance) / (self.robot.speed * self.control_period)
+        if share <= _AT_END:
             self._finished = True
             return _STOP
         if self.settings.law == "printed":
             turn_rate = self._printed_law(nearest, pose)
         else:
             turn_rate = self._practical_law(self._track, nearest, pose)
-        return VelocityCommand(self.robot.speed, clip_turn_rate(turn_rate, self.robot.max_turn_rate))
+        turn_rate = clip_turn_rate(turn_rate, self.robot.max_turn_rate)
+        # The last period ends at the end of the path, not beyond: what is behind it was not certified.
+        slower = min(share, 1.0)
+        return VelocityCommand(slower * self.robot.speed, slower * turn_rate)
 
     def _turn(self, error: float) -> VelocityCommand:
         """Turn on the spot by the error [rad], never past it."""

@@ -21,6 +21,7 @@ _TIME_TOLERANCE = 1e-9  # [s]
 _ON_PATH = 1e-3  # [m]; nearer than this the plane through robot and tangent means nothing (C4-14)
 _APPROACH = 0.4  # share of the speed spent on closing in, lambda_d * sigma_d / v
 _FASTEST_CONVERGENCE = 0.5  # largest lambda times control period
+_AT_END = 0.02  # share of the way of a control period that is no way any more
 _WINDOW_LINKS = 2.0  # the closest point is sought so many (longest) links around the last one
 
 
@@ -207,7 +208,8 @@ class SpatialTracker:
         if self._finished or self._track is None:
             return _HOVER
         nearest = self._locate(self._track, self._path, state.position, time)
-        if nearest.distance >= self._track.length - 0.5 * self.robot.speed * self.control_period:
+        share = (self._track.length - nearest.distance) / (self.robot.speed * self.control_period)
+        if share <= _AT_END:
             self._finished = True
             return _HOVER
         leaves = nearest.tangent if state.speed == 0.0 else None
@@ -217,8 +219,10 @@ class SpatialTracker:
             turn = self._printed_law(nearest, state.position, direction)
         else:
             turn = self._practical_law(self._track, nearest, state.position, direction)
-        turn = limit_turn(turn, direction, self.robot.max_turn_rate)
-        return FlightCommand(self.robot.speed, turn, leaves)
+        # The last period ends at the end of the path, not beyond: what is behind it was not certified.
+        slower = min(share, 1.0)
+        turn = slower * limit_turn(turn, direction, self.robot.max_turn_rate)
+        return FlightCommand(slower * self.robot.speed, turn, leaves)
 
     def _locate(
         self, track: SpatialTrack, path: TimedPath, position: FloatArray, time: float

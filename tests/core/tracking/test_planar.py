@@ -59,7 +59,7 @@ def drive(tracker: PlanarTracker, pose: Pose2D, curve: FloatArray, limit: float)
         command = tracker.command(pose, step * tracker.control_period)
         if command == STOP:
             break
-        assert command.speed == tracker.robot.speed
+        assert 0.0 < command.speed <= tracker.robot.speed  # slower in the last period only
         turn_rates.append(command.turn_rate)
         for _ in range(5):
             pose = step_unicycle(pose, command.speed, command.turn_rate, tracker.control_period / 5)
@@ -221,7 +221,8 @@ def test_the_robot_stops_at_the_last_point_and_stays(
     tracker = PlanarTracker(spec, TrackerSettings(law=law), dt)
     tracker.set_path(TimedPath(0.0, link / spec.speed, points), initial_heading=0.0)
     run = drive(tracker, Pose2D(0.0, 0.0, 0.0), points, 99.0)
-    assert abs(run.poses[-1].x - along[-1]) <= 0.5 * spec.speed * dt + 1e-6
+    passed = run.poses[-1].x - along[-1]  # nothing beyond the end is certified
+    assert -0.03 * spec.speed * dt <= passed <= 0.01 * spec.speed * dt
     assert tracker.finished
     assert tracker.command(Pose2D(0.0, 0.0, 0.0), 1.0) == STOP, "an ended path is not taken up again"
 

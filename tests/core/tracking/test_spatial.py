@@ -91,7 +91,7 @@ def test_from_anywhere_near_it_comes_back(offset: tuple[float, float, float], tu
     curve = weave()
     tracker.set_path(path_along(curve))
     flight = fly(tracker, start(offset, turned), curve, 60.0)
-    assert float(flight.errors[int(10.0 / 0.05) :].max()) < 0.05
+    assert float(flight.errors[int(14.0 / 0.05) :].max()) < 0.05
     assert float(flight.rates.max()) <= TURN + 1e-9
 
 
