@@ -46,6 +46,9 @@ def main() -> int:
         if not words or any(word in title for word in words)
     }
     console = Console(width=None if sys.stdout.isatty() else 120, highlight=False)
+    if not chosen:
+        console.print(f"no benchmark has one of {words} in its title; there are:", *BENCHES, sep="\n  ")
+        return 2
     console.print(
         f"Python {platform.python_version()}, {platform.machine()}, one run; peers against the first line\n"
     )
