@@ -77,7 +77,9 @@ def test_robots_stay_within_their_limits_and_on_their_paths(name: str) -> None:
         assert rows[:, 7].max() <= 2.0 + 1e-9
         speeds = rows[:, 6]
         assert speeds.max() <= 0.7 + 1e-9
-        assert ((speeds > 0.0) & (speeds < 0.7 - 1e-9)).sum() <= 1  # the last period ends at the end of the path
+        assert (
+            (speeds > 0.0) & (speeds < 0.7 - 1e-9)
+        ).sum() <= 1  # the last period ends at the end of the path
         assert metrics_of(name)[robot.id]["tracking_error_settled"] <= 0.05
 
 
