@@ -26,6 +26,12 @@ from snnav_ros.convert.plans import plans_from_message, plans_to_message
 from snnav_ros.convert.returns import RETURN_FIELDS, returns_from_message, returns_to_message
 from snnav_ros.convert.scan import is_nothing, nothing_to_message, scan_from_message, scan_to_message
 from snnav_ros.convert.seen import SEEN_FIELDS, grid_points, seen_to_message
+from snnav_ros.convert.spatial_area import (
+    is_spatial_area,
+    spatial_area_from_message,
+    spatial_area_to_grid,
+    spatial_area_to_message,
+)
 from snnav_ros.convert.stamps import (
     nanoseconds,
     nanoseconds_from_stamp,
@@ -53,6 +59,7 @@ __all__ = [
     "goal_from_message",
     "grid_points",
     "is_nothing",
+    "is_spatial_area",
     "lost_from_message",
     "lost_to_message",
     "nanoseconds",
@@ -75,6 +82,9 @@ __all__ = [
     "seconds",
     "seconds_from_stamp",
     "seen_to_message",
+    "spatial_area_from_message",
+    "spatial_area_to_grid",
+    "spatial_area_to_message",
     "stamp_message",
     "state_from_message",
     "stop_to_path",
