@@ -6,22 +6,18 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from snnav_core.errors import InvalidInput
 from snnav_core.motion.unicycle import clip_turn_rate
+from snnav_core.tracking.follower import PathFollower, check_law
 from snnav_core.tracking.spline import Track, TrackPoint, chain_track, spline_track
 from snnav_core.types import Pose2D, RobotSpec, TimedPath, VelocityCommand, wrap_angle
 
 __all__ = ["PlanarTracker", "TrackerSettings"]
 
 _STOP = VelocityCommand(0.0, 0.0)
-_TIME_TOLERANCE = 1e-9  # [s]
 _TURN_TOLERANCE = 1e-9  # [rad]
 _APPROACH = 0.4  # share of the speed spent on closing in, lambda * sigma / v
 _FASTEST_CONVERGENCE = 0.5  # largest lambda times control period
-_AT_END = 0.02  # share of the way of a control period that is no way any more
-_WINDOW_LINKS = 2.0  # the closest point is sought so many (longest) links around the last one
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,15 +48,10 @@ class TrackerSettings:
     boundary_layer: float | None = None
 
     def __post_init__(self) -> None:
-        if self.law not in ("practical", "printed"):
-            raise InvalidInput(f"tracking law is {self.law!r}, must be 'practical' or 'printed'")
-        for name in ("convergence_rate", "saturation", "boundary_layer"):
-            value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0.0):
-                raise InvalidInput(f"tracker: {name} is {value}, must be a positive number or left out")
+        check_law(self, self.law, ("convergence_rate", "saturation", "boundary_layer"))
 
 
-class PlanarTracker:
+class PlanarTracker(PathFollower[Track]):
     """Turns a timed path and the robot's pose into speed and turn rate.
 
     Parameters
@@ -84,43 +75,23 @@ class PlanarTracker:
     """
 
     def __init__(self, robot: RobotSpec, settings: TrackerSettings, control_period: float) -> None:
-        if not (math.isfinite(control_period) and control_period > 0.0):
-            raise InvalidInput(f"control period is {control_period} s, must be a positive number")
-        self.robot = robot
+        super().__init__(robot, control_period, everywhere=settings.law == "printed")
         self.settings = settings
-        self.control_period = control_period
         speed, u_max = robot.speed, robot.max_turn_rate
         self.convergence_rate = settings.convergence_rate or min(u_max, _FASTEST_CONVERGENCE / control_period)
         self.saturation = settings.saturation or _APPROACH * speed / self.convergence_rate
         self.boundary_layer = settings.boundary_layer or 2.0 * speed * u_max * control_period
         _check_capture(robot, self.convergence_rate, self.saturation)
-        self.reset()
 
     def reset(self) -> None:
         """Forget the path; the command is to stop until a new one comes."""
-        self._path: TimedPath | None = None
-        self._track: Track | None = None
-        self._valid_until = math.inf
-        self._window = 0.0
-        self._last_position: tuple[float, float] | None = None
-        self._progress = 0.0
+        super().reset()
         self._cross_track_error = 0.0
-        self._finished = True
 
     @property
     def cross_track_error(self) -> float:
         """Distance of the path from the robot at the last command [m], positive when the path is on the left."""
         return self._cross_track_error
-
-    @property
-    def progress(self) -> float:
-        """Length along the path of the point closest to the robot at the last command [m]."""
-        return self._progress
-
-    @property
-    def finished(self) -> bool:
-        """Whether there is nothing (more) to follow."""
-        return self._finished
 
     def set_path(
         self, path: TimedPath | None, initial_heading: float | None = None, valid_until: float | None = None
@@ -149,15 +120,13 @@ class PlanarTracker:
                 )
         if path is None:
             return
+        track = None
         if path.turn_to is None:
             points = path.points[:, :2]
             practical = self.settings.law == "practical"
-            self._track = spline_track(points, initial_heading) if practical else chain_track(points)
-            links = np.linalg.norm(np.diff(points, axis=0), axis=1)
-            self._window = _WINDOW_LINKS * float(links.max(initial=0.0))
-        self._path = path
-        self._valid_until = math.inf if valid_until is None else valid_until
-        self._finished = path.turn_to is None and self._track is None
+            track = spline_track(points, initial_heading) if practical else chain_track(points)
+        self._follow(path, track, valid_until)
+        self._finished = path.turn_to is None and track is None
 
     def command(self, pose: Pose2D, time: float) -> VelocityCommand:
         """Return the command for the coming control period.
@@ -178,26 +147,22 @@ class PlanarTracker:
             raise InvalidInput(
                 f"tracker of {self.robot.id!r}: pose {pose} at time {time} must be finite; stop the robot"
             )
-        # The command holds for a control period, which must end within the validity of the path.
-        if self._path is None or time + self.control_period > self._valid_until + _TIME_TOLERANCE:
+        if self._path is None or self._lapsed(time):
             return _STOP
         if self._path.turn_to is not None:
             return self._turn(wrap_angle(self._path.turn_to - pose.heading))
         if self._finished or self._track is None:
             return _STOP
-        nearest = self._locate(self._track, self._path, pose, time)
-        share = (self._track.length - nearest.distance) / (self.robot.speed * self.control_period)
-        if share <= _AT_END:
-            self._finished = True
+        nearest = self._locate(self._track, pose, time)
+        share = self._share_left(self._track, nearest.distance)
+        if share == 0.0:
             return _STOP
         if self.settings.law == "printed":
             turn_rate = self._printed_law(nearest, pose)
         else:
             turn_rate = self._practical_law(self._track, nearest, pose)
         turn_rate = clip_turn_rate(turn_rate, self.robot.max_turn_rate)
-        # The last period ends at the end of the path, not beyond: what is behind it was not certified.
-        slower = min(share, 1.0)
-        return VelocityCommand(slower * self.robot.speed, slower * turn_rate)
+        return VelocityCommand(share * self.robot.speed, share * turn_rate)
 
     def _turn(self, error: float) -> VelocityCommand:
         """Turn on the spot by the error [rad], never past it."""
@@ -206,16 +171,9 @@ class PlanarTracker:
             return _STOP
         return VelocityCommand(0.0, clip_turn_rate(error / self.control_period, self.robot.max_turn_rate))
 
-    def _locate(self, track: Track, path: TimedPath, pose: Pose2D, time: float) -> TrackPoint:
-        """Find the closest point: on the whole chain as printed, else near the last one."""
-        if self.settings.law == "printed":
-            begin, end = 0.0, track.length
-        elif self._last_position is None:
-            begin, end = 0.0, self._window + self.robot.speed * max(time - path.start_time, 0.0)
-        else:
-            moved = math.dist(self._last_position, (pose.x, pose.y))
-            begin, end = self._progress - self._window, self._progress + self._window + moved
-        nearest = track.closest(pose.x, pose.y, begin, end)
+    def _locate(self, track: Track, pose: Pose2D, time: float) -> TrackPoint:
+        """Find the closest point."""
+        nearest = track.closest(pose.x, pose.y, *self._search_range(track, (pose.x, pose.y), time))
         left_x, left_y = -math.sin(nearest.heading), math.cos(nearest.heading)
         self._last_position = (pose.x, pose.y)
         self._progress = nearest.distance

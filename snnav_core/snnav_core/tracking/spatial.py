@@ -11,18 +11,16 @@ import numpy as np
 from snnav_core.errors import InvalidInput
 from snnav_core.flight_types import FlightCommand, FlyerState
 from snnav_core.motion.flyer import limit_turn
+from snnav_core.tracking.follower import PathFollower, check_law
 from snnav_core.tracking.spatial_track import SpatialPoint, SpatialTrack, chain_in_space, spline_in_space
 from snnav_core.types import FloatArray, RobotSpec, TimedPath
 
 __all__ = ["SpatialTracker", "SpatialTrackerSettings"]
 
 _HOVER = FlightCommand(0.0, np.zeros(3))
-_TIME_TOLERANCE = 1e-9  # [s]
 _ON_PATH = 1e-3  # [m]; nearer than this the plane through robot and tangent means nothing (C4-14)
 _APPROACH = 0.4  # share of the speed spent on closing in, lambda_d * sigma_d / v
 _FASTEST_CONVERGENCE = 0.5  # largest lambda times control period
-_AT_END = 0.02  # share of the way of a control period that is no way any more
-_WINDOW_LINKS = 2.0  # the closest point is sought so many (longest) links around the last one
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,16 +59,11 @@ class SpatialTrackerSettings:
     boundary_layer: float | None = None
 
     def __post_init__(self) -> None:
-        if self.law not in ("practical", "printed"):
-            raise InvalidInput(f"tracking law is {self.law!r}, must be 'practical' or 'printed'")
         numbers = ("distance_rate", "distance_saturation", "angle_rate", "angle_saturation")
-        for name in (*numbers, "distance_weight", "angle_weight", "boundary_layer"):
-            value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0.0):
-                raise InvalidInput(f"tracker: {name} is {value}, must be a positive number or left out")
+        check_law(self, self.law, (*numbers, "distance_weight", "angle_weight", "boundary_layer"))
 
 
-class SpatialTracker:
+class SpatialTracker(PathFollower[SpatialTrack]):
     """Turns a timed path and the state of a flying robot into speed and turn.
 
     Parameters
@@ -94,11 +87,8 @@ class SpatialTracker:
     """
 
     def __init__(self, robot: RobotSpec, settings: SpatialTrackerSettings, control_period: float) -> None:
-        if not (math.isfinite(control_period) and control_period > 0.0):
-            raise InvalidInput(f"control period is {control_period} s, must be a positive number")
-        self.robot = robot
+        super().__init__(robot, control_period, everywhere=settings.law == "printed")
         self.settings = settings
-        self.control_period = control_period
         speed, turn = robot.speed, robot.max_turn_rate
         printed = settings.law == "printed"
         rate = 2.0 if printed else min(turn, _FASTEST_CONVERGENCE / control_period)
@@ -106,19 +96,12 @@ class SpatialTracker:
         width = 1.0 if printed else _APPROACH * speed / self.distance_rate
         self.distance_saturation = settings.distance_saturation or width
         self.boundary_layer = settings.boundary_layer or 2.0 * speed * turn * control_period
-        self.reset()
 
     def reset(self) -> None:
         """Forget the path; the command is to hover until a new one comes."""
-        self._path: TimedPath | None = None
-        self._track: SpatialTrack | None = None
-        self._valid_until = math.inf
-        self._window = 0.0
-        self._last_position: FloatArray | None = None
-        self._progress = 0.0
+        super().reset()
         self._distance = 0.0
         self._angle = 0.0
-        self._finished = True
 
     @property
     def distance_error(self) -> float:
@@ -129,16 +112,6 @@ class SpatialTracker:
     def angle_error(self) -> float:
         """e_a: angle between direction and the plane of robot and tangent at the last command [rad]."""
         return self._angle
-
-    @property
-    def progress(self) -> float:
-        """Length along the path of the point closest to the robot at the last command [m]."""
-        return self._progress
-
-    @property
-    def finished(self) -> bool:
-        """Whether there is nothing (more) to follow."""
-        return self._finished
 
     def set_path(
         self,
@@ -175,15 +148,9 @@ class SpatialTracker:
             )
         if valid_until is not None and not math.isfinite(valid_until):
             raise InvalidInput(f"{name}: valid_until is {valid_until}, must be finite or left out")
-        if self.settings.law == "practical":
-            self._track = spline_in_space(path.points, initial_direction)
-        else:
-            self._track = chain_in_space(path.points)
-        links = np.linalg.norm(np.diff(path.points, axis=0), axis=1)
-        self._window = _WINDOW_LINKS * float(links.max(initial=0.0))
-        self._path = path
-        self._valid_until = math.inf if valid_until is None else valid_until
-        self._finished = self._track is None
+        practical = self.settings.law == "practical"
+        track = spline_in_space(path.points, initial_direction) if practical else chain_in_space(path.points)
+        self._follow(path, track, valid_until)
 
     def command(self, state: FlyerState, time: float) -> FlightCommand:
         """Return the command for the coming control period.
@@ -202,15 +169,11 @@ class SpatialTracker:
         """
         if not math.isfinite(time):
             raise InvalidInput(f"tracker of {self.robot.id!r}: time is {time}; let the robot hover")
-        # The command holds for a control period, which must end within the validity of the path.
-        if self._path is None or time + self.control_period > self._valid_until + _TIME_TOLERANCE:
+        if self._finished or self._track is None or self._lapsed(time):
             return _HOVER
-        if self._finished or self._track is None:
-            return _HOVER
-        nearest = self._locate(self._track, self._path, state.position, time)
-        share = (self._track.length - nearest.distance) / (self.robot.speed * self.control_period)
-        if share <= _AT_END:
-            self._finished = True
+        nearest = self._locate(self._track, state.position, time)
+        share = self._share_left(self._track, nearest.distance)
+        if share == 0.0:
             return _HOVER
         leaves = nearest.tangent if state.speed == 0.0 else None
         direction = state.direction if leaves is None else leaves
@@ -219,24 +182,14 @@ class SpatialTracker:
             turn = self._printed_law(nearest, state.position, direction)
         else:
             turn = self._practical_law(self._track, nearest, state.position, direction)
-        # The last period ends at the end of the path, not beyond: what is behind it was not certified.
-        slower = min(share, 1.0)
-        turn = slower * limit_turn(turn, direction, self.robot.max_turn_rate)
-        return FlightCommand(slower * self.robot.speed, turn, leaves)
+        turn = share * limit_turn(turn, direction, self.robot.max_turn_rate)
+        return FlightCommand(share * self.robot.speed, turn, leaves)
 
-    def _locate(
-        self, track: SpatialTrack, path: TimedPath, position: FloatArray, time: float
-    ) -> SpatialPoint:
-        """Find the closest point: on the whole chain as printed, else near the last one."""
-        if self.settings.law == "printed":
-            begin, end = 0.0, track.length
-        elif self._last_position is None:
-            begin, end = 0.0, self._window + self.robot.speed * max(time - path.start_time, 0.0)
-        else:
-            moved = float(np.linalg.norm(position - self._last_position))
-            begin, end = self._progress - self._window, self._progress + self._window + moved
-        nearest = track.closest(position, begin, end)
-        self._last_position = position
+    def _locate(self, track: SpatialTrack, position: FloatArray, time: float) -> SpatialPoint:
+        """Find the closest point."""
+        here = tuple(position.tolist())
+        nearest = track.closest(position, *self._search_range(track, here, time))
+        self._last_position = here
         self._progress = nearest.distance
         return nearest
 
