@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 
 # Floors from below; a module may import from its own floor and from those below it.
 CORE_FLOORS: tuple[tuple[str, ...], ...] = (
-    ("errors", "types", "obstacles", "flight_types"),
+    ("errors", "types", "checks", "obstacles", "flight_types"),
     ("sensing", "motion"),
     ("area", "mapping", "search", "tracking"),
     ("planning",),

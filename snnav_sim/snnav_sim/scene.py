@@ -10,7 +10,7 @@ from typing import Any
 from snnav_sim.scene_check import check_scene
 from snnav_sim.scene_faults import fault_entry
 from snnav_sim.scene_read import read_scene
-from snnav_sim.scene_text import degrees_of, document, outline_entry
+from snnav_sim.scene_text import degrees_of, document, head_entries, outline_entry
 from snnav_sim.scene_types import (
     Circle,
     Fault,
@@ -166,15 +166,7 @@ def dump_scene(scene: AnyScene) -> str:
     if isinstance(scene, SpaceScene):
         return dump_space_scene(scene)
     head = {
-        "name": scene.name,
-        "description": scene.description,
-        "seed": scene.seed,
-        "sampling_interval": scene.sampling_interval,
-        "control_period": scene.control_period,
-        "time_window": scene.time_window,
-        "boundary_speed": scene.boundary_speed,
-        "safety_margin": scene.safety_margin,
-        "time_limit": scene.time_limit,
+        **head_entries(scene),
         "planner": scene.planner,
         "workspace": outline_entry(scene.border),
     }

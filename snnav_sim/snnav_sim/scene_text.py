@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from snnav_sim.scene_types import Circle, Shape
+from snnav_sim.scene_types import Circle, SampledScene, Shape
 
-__all__ = ["degrees_of", "document", "outline_entry"]
+__all__ = ["degrees_of", "document", "head_entries", "outline_entry"]
 
 
 def document(head: Mapping[str, Any], sections: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
@@ -28,6 +28,20 @@ def _flow(value: Any) -> str:
         value, default_flow_style=True, sort_keys=False, width=2**30, allow_unicode=True, explicit_end=False
     )
     return text.removesuffix("\n").removesuffix("\n...")
+
+
+def head_entries(scene: SampledScene) -> dict[str, Any]:
+    """Return the keys that scenes in the plane and in space share, in the order of a file."""
+    names = (
+        "name",
+        "description",
+        "seed",
+        "sampling_interval",
+        "control_period",
+        "time_window",
+        "boundary_speed",
+    )
+    return {name: getattr(scene, name) for name in (*names, "safety_margin", "time_limit")}
 
 
 def outline_entry(shape: Shape) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -17,6 +18,7 @@ __all__ = [
     "Polygon",
     "Retarget",
     "RobotScene",
+    "SampledScene",
     "Scene",
     "SensorScene",
     "Shape",
@@ -268,8 +270,38 @@ class RobotScene:
         return Pose2D(self.start[0], self.start[1], self.heading)
 
 
+class _Measuring(Protocol):
+    """A sensor, as far as its rate goes."""
+
+    @property
+    def scan_period(self) -> float | None: ...
+
+
+class SampledScene:
+    """What scenes in the plane and in space share: how sampling instants, control periods and scans go together."""
+
+    name: str
+    description: str
+    seed: int
+    sampling_interval: float
+    control_period: float
+    time_window: int
+    boundary_speed: float
+    safety_margin: float
+    time_limit: float
+
+    @property
+    def ticks_per_sample(self) -> int:
+        """Number of control periods in a sampling interval."""
+        return round(self.sampling_interval / self.control_period)
+
+    def scan_period(self, sensor: _Measuring) -> float:
+        """Time from scan to scan (image to image) of a sensor [s]."""
+        return self.sampling_interval if sensor.scan_period is None else sensor.scan_period
+
+
 @dataclass(frozen=True)
-class Scene:
+class Scene(SampledScene):
     """A complete scene; see docs/scene-format.md for the meaning of every key.
 
     Parameters
@@ -324,11 +356,6 @@ class Scene:
         """Vertices of the border [m, map], shape (N, 2)."""
         return self._workspace
 
-    @property
-    def ticks_per_sample(self) -> int:
-        """Number of control periods in a sampling interval."""
-        return round(self.sampling_interval / self.control_period)
-
     def instant(self, time: float) -> float:
         """Return the first sampling instant not before a time [s]."""
         if not math.isfinite(time):
@@ -349,10 +376,6 @@ class Scene:
             time for r in self.robots for time in (r.joins_at, r.leaves_at, *(t.time for t in r.retargets))
         ]
         return any(time + _SAME_TIME < self.instant(when) < math.inf for when in times)
-
-    def scan_period(self, sensor: SensorScene) -> float:
-        """Time from scan to scan of a sensor [s]."""
-        return self.sampling_interval if sensor.scan_period is None else sensor.scan_period
 
     @property
     def sees_robots(self) -> bool:

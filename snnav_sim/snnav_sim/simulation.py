@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable
 
 from snnav_core.area.fusion import AreaFusion
 from snnav_core.area.robots import RobotTrack
 from snnav_core.errors import InvalidInput
 from snnav_core.tracking.planar import PlanarTracker, TrackerSettings
-from snnav_core.types import PlannedPath, RobotState, StepResult, Stop, StopReason
+from snnav_core.types import PlannedPath, RobotState, StepResult, Stop
+from snnav_sim.closed_loop import ClosedLoop, Progress
 from snnav_sim.configure import fusion_settings, planar_sensor
 from snnav_sim.devices import SensorFeed, make_device
 from snnav_sim.devices.base import PioneerBase
-from snnav_sim.ending import EndWatch
 from snnav_sim.pilot import pilot_of
-from snnav_sim.report.record import Decision, RunRecord
+from snnav_sim.report.record import RunRecord
 from snnav_sim.scene import AnyScene
 from snnav_sim.scene_types import RobotScene, Scene
 from snnav_sim.simulation_flight import FlightSimulation
@@ -23,9 +22,6 @@ from snnav_sim.space_types import SpaceScene
 from snnav_sim.world import World
 
 __all__ = ["Progress", "Simulation", "simulate", "simulation_of"]
-
-Progress = Callable[[float, int], None]
-"""Called once per sampling interval with the simulated time [s] and the number of robots that have arrived."""
 
 
 class _Robot:
@@ -43,7 +39,7 @@ class _Robot:
             self.tracker.set_path(decision.path, self.base.pose.heading, valid_until)
 
 
-class Simulation:
+class Simulation(ClosedLoop[Scene, RunRecord]):
     """A scene ready to run; `snnav_sim.simulation.simulate` is all that most need.
 
     Parameters
@@ -59,10 +55,8 @@ class Simulation:
     """
 
     def __init__(self, scene: Scene, seed: int | None = None) -> None:
-        self.scene = scene
-        self.seed = scene.seed if seed is None else seed
+        super().__init__(scene, RunRecord(scene.seed if seed is None else seed))
         self.world = World(scene)
-        self.record = RunRecord(self.seed)
         seen = [robot.spec for robot in scene.robots if scene.sees_robots]
         self._tracks = {spec.id: RobotTrack(spec) for spec in seen}
         tracks = list(self._tracks.values())
@@ -76,28 +70,8 @@ class Simulation:
         self._fusion = AreaFusion(sensors, fusion_settings(scene))
         self._pilot = pilot_of(scene)
         self._robots: dict[str, _Robot] = {}
-        self._watch = EndWatch(scene)
-        self._tick = 0
         self._join_and_leave()
         self._tell_states()
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s], exact to a nanosecond."""
-        return round(self._tick * self.scene.control_period, 9)
-
-    def run(self, progress: Progress | None = None) -> RunRecord:
-        """Run to the end and return what happened."""
-        while True:
-            result = self.decide()
-            stops = {name: d.reason.value for name, d in result.decisions.items() if isinstance(d, Stop)}
-            self.record.reason = self._watch.update(self.time, stops)
-            if progress is not None:
-                progress(self.time, sum(reason == StopReason.ARRIVED.value for reason in stops.values()))
-            for _ in range(self.scene.ticks_per_sample):
-                self.move()
-                if self.record.reason:
-                    return self.record
 
     def decide(self) -> StepResult:
         """Measure, fuse and plan at the present sampling instant; hand the paths to the trackers."""
@@ -117,9 +91,7 @@ class Simulation:
         self.record.add_area(area)
         self.record.fusion_seconds.append(fused - begin)
         self.record.planner_seconds.append(clock.perf_counter() - fused)
-        for name, decision in result.decisions.items():
-            self._robots[name].follow(decision)
-            self.record.decisions.append(Decision.of(time, decision))
+        self._obey(result, self._robots)
         return result
 
     def move(self) -> None:

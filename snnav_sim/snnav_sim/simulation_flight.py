@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -15,11 +14,11 @@ from snnav_core.navigator.flight_settings import FlightDistances
 from snnav_core.planning.adjustment import resample
 from snnav_core.tracking.spatial import SpatialTracker, SpatialTrackerSettings
 from snnav_core.types import FloatArray, PlannedPath, StepResult, Stop, StopReason, TimedPath
+from snnav_sim.closed_loop import ClosedLoop
 from snnav_sim.configure_flight import flight_settings, make_fusion
 from snnav_sim.devices.feed import SensorFeed
 from snnav_sim.devices.flyer_base import FlyerBase
 from snnav_sim.devices.tof import DepthDevice
-from snnav_sim.ending import EndWatch
 from snnav_sim.report.flight_record import FlightRecord
 from snnav_sim.report.record import Decision
 from snnav_sim.space_types import FlyerScene, SpaceScene
@@ -67,7 +66,7 @@ class _Flyer:
         return [*place.tolist(), self.entry.radius]
 
 
-class FlightSimulation:
+class FlightSimulation(ClosedLoop[SpaceScene, FlightRecord]):
     """A scene in space ready to run.
 
     Parameters
@@ -83,10 +82,8 @@ class FlightSimulation:
     """
 
     def __init__(self, scene: SpaceScene, seed: int | None = None) -> None:
-        self.scene = scene
-        self.seed = scene.seed if seed is None else seed
+        super().__init__(scene, FlightRecord(scene.seed if seed is None else seed))
         self.world = SpaceWorld(scene)
-        self.record = FlightRecord(self.seed)
         self._flyers = {robot.id: _Flyer(robot, scene.control_period) for robot in scene.robots}
         self._feeds = [
             SensorFeed(
@@ -101,26 +98,6 @@ class FlightSimulation:
         self._settings = flight_settings(scene, self.seed)
         self.navigator = FlightNavigator([robot.spec for robot in planned], self._settings)
         self._goals = {robot.id: np.array(robot.target) for robot in planned}
-        self._watch = EndWatch(scene)
-        self._tick = 0
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s], exact to a nanosecond."""
-        return round(self._tick * self.scene.control_period, 9)
-
-    def run(self, progress: Callable[[float, int], None] | None = None) -> FlightRecord:
-        """Run to the end and return what happened."""
-        while True:
-            result = self.decide()
-            stops = {name: d.reason.value for name, d in result.decisions.items() if isinstance(d, Stop)}
-            self.record.reason = self._watch.update(self.time, stops)
-            if progress is not None:
-                progress(self.time, sum(reason == StopReason.ARRIVED.value for reason in stops.values()))
-            for _ in range(self.scene.ticks_per_sample):
-                self.move()
-                if self.record.reason:
-                    return self.record
 
     def decide(self) -> StepResult:
         """Measure, fuse and plan at the present sampling instant; hand the paths to the trackers."""
@@ -138,9 +115,7 @@ class FlightSimulation:
         result = self.navigator.step(time, area, states, self._goals)
         self.record.fusion_seconds.append(fused - begin)
         self.record.planner_seconds.append(clock.perf_counter() - fused)
-        for name, decision in result.decisions.items():
-            self._flyers[name].follow(decision)
-            self.record.decisions.append(Decision.of(time, decision))
+        self._obey(result, self._flyers)
         on_curves = {name: stop for name in self._flyers if (stop := self._along_curve(name, time))}
         return StepResult(time, {**result.decisions, **on_curves})
 

@@ -12,7 +12,7 @@ from snnav_core.area.grid import Grid
 from snnav_core.flight_types import FlyerState, direction_of
 from snnav_core.sensing.depth import CameraModel, DepthCamera, equal_angle, looking_at
 from snnav_core.types import FloatArray, RobotSpec
-from snnav_sim.scene_types import Circle, Fault, Polygon
+from snnav_sim.scene_types import Circle, Fault, Polygon, SampledScene
 
 __all__ = [
     "Body",
@@ -220,7 +220,7 @@ class FlyerScene:
 
 
 @dataclass(frozen=True)
-class SpaceScene:
+class SpaceScene(SampledScene):
     """A complete scene in space; see docs/scenes-in-space.md for the meaning of every key.
 
     Parameters
@@ -266,11 +266,6 @@ class SpaceScene:
     boundary_speed: float = 0.0
     time_limit: float = 300.0
 
-    @property
-    def ticks_per_sample(self) -> int:
-        """Number of control periods in a sampling interval."""
-        return round(self.sampling_interval / self.control_period)
-
     @cached_property
     def grid(self) -> Grid:
         """Cells of the workspace."""
@@ -283,7 +278,3 @@ class SpaceScene:
     def changes_after(self, time: float) -> bool:
         """Whether a robot still joins, leaves or gets another target: never."""
         return False
-
-    def scan_period(self, sensor: DepthSensor) -> float:
-        """Time from image to image of a sensor [s]."""
-        return self.sampling_interval if sensor.scan_period is None else sensor.scan_period

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from snnav_sim.scene_faults import fault_entry
-from snnav_sim.scene_text import degrees_of, document, outline_entry
+from snnav_sim.scene_text import degrees_of, document, head_entries, outline_entry
 from snnav_sim.space_types import Body, Box, DepthSensor, FlyerScene, Prism, Solid, SpaceMover, SpaceScene
 
 __all__ = ["dump_space_scene"]
@@ -14,15 +14,7 @@ __all__ = ["dump_space_scene"]
 def dump_space_scene(scene: SpaceScene) -> str:
     """Return the complete YAML of a scene in space; reading gives back an equal one."""
     head = {
-        "name": scene.name,
-        "description": scene.description,
-        "seed": scene.seed,
-        "sampling_interval": scene.sampling_interval,
-        "control_period": scene.control_period,
-        "time_window": scene.time_window,
-        "boundary_speed": scene.boundary_speed,
-        "safety_margin": scene.safety_margin,
-        "time_limit": scene.time_limit,
+        **head_entries(scene),
         "grid_spacing": scene.grid_spacing,
         "workspace": {"box": [list(scene.low), list(scene.high)], "known_static": scene.known_border},
     }

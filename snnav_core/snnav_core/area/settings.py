@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
-from snnav_core.errors import InvalidInput
+from snnav_core.checks import check_not_negative, check_positive
 from snnav_core.sensing.scan import ScanSettings
 from snnav_core.types import Pose2D
 
@@ -78,14 +77,8 @@ class FusionSettings:
             "contradiction_depth",
             "robot_tolerance",
         )
-        for name in at_least_zero:
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise InvalidInput(f"fusion setting {name} is {value}, must be a number >= 0")
-        for name in ("max_scan_age", "return_radius"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InvalidInput(f"fusion setting {name} is {value}, must be a positive number")
+        check_not_negative(self, at_least_zero, "fusion setting ")
+        check_positive(self, ("max_scan_age", "return_radius"), "fusion setting ")
 
     @property
     def remembers(self) -> bool:

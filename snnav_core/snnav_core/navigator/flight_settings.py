@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from snnav_core.checks import check_not_negative, check_positive, check_robot, check_whole
 from snnav_core.errors import InvalidInput
 from snnav_core.planning.adjustment import AdjustmentSettings
 from snnav_core.planning.certificate import CertificateSettings
@@ -68,17 +69,9 @@ class FlightSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name in ("sampling_interval", "safety_margin"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InvalidInput(f"flight: {name} is {value}, must be a positive number")
-        for name in ("boundary_speed", "tracking_tolerance", "switch_gain"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise InvalidInput(f"flight: {name} is {value}, must be a number of at least 0")
-        for name in ("time_window", "search_interval", "blocked_steps"):
-            if getattr(self, name) < 1:
-                raise InvalidInput(f"flight: {name} is {getattr(self, name)}, must be a whole number >= 1")
+        check_positive(self, ("sampling_interval", "safety_margin"), "flight: ")
+        check_not_negative(self, ("boundary_speed", "tracking_tolerance", "switch_gain"), "flight: ")
+        check_whole(self, ("time_window", "search_interval", "blocked_steps"), 1, "flight: ")
         if not self.turn_radius_factor >= 1.0:
             raise InvalidInput(f"flight: turn_radius_factor is {self.turn_radius_factor}, must be at least 1")
 
@@ -94,15 +87,11 @@ class FlightDistances:
     """
 
     def __init__(self, robot: RobotSpec, settings: FlightSettings) -> None:
-        if settings.boundary_speed >= robot.speed:
+        check_robot(robot, settings.boundary_speed, settings.safety_margin)
+        if settings.safety_margin < robot.min_turn_radius:
             raise InvalidInput(
-                f"boundary_speed {settings.boundary_speed} m/s must be below the speed {robot.speed} m/s of robot "
-                f"{robot.id}"
-            )
-        if settings.safety_margin < max(robot.radius, robot.min_turn_radius):
-            raise InvalidInput(
-                f"safety_margin {settings.safety_margin} m is below the radius {robot.radius} m or the turning radius "
-                f"{robot.min_turn_radius:.3f} m of robot {robot.id}"
+                f"safety_margin {settings.safety_margin} m is below the turning radius {robot.min_turn_radius:.3f} m "
+                f"of robot {robot.id}: give a larger margin, or a slower robot"
             )
         self.settings = settings
         self.certificate = CertificateSettings(

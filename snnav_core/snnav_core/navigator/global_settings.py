@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
-from snnav_core.errors import InvalidInput
+from snnav_core.checks import check_not_negative, check_positive, check_whole
 from snnav_core.planning.spacetime_problem import SpacetimeSettings
 from snnav_core.types import RobotSpec
 
@@ -77,16 +76,9 @@ class GlobalSettings:
     bound: bool = True
 
     def __post_init__(self) -> None:
-        for name in ("time_window", "retry"):
-            if getattr(self, name) < 1:
-                raise InvalidInput(
-                    f"global navigator: {name} is {getattr(self, name)}, must be a whole number >= 1"
-                )
-        for name in ("lead", "doubted_steps"):
-            if getattr(self, name) < 0:
-                raise InvalidInput(
-                    f"global navigator: {name} is {getattr(self, name)}, must be a whole number >= 0"
-                )
+        owner = "global navigator: "
+        check_whole(self, ("time_window", "retry"), 1, owner)
+        check_whole(self, ("lead", "doubted_steps"), 0, owner)
         at_least_zero = (
             "planning_reserve",
             "moving_reserve",
@@ -94,15 +86,9 @@ class GlobalSettings:
             "body_speed",
             "switch_gain",
         )
-        for name in (*at_least_zero, "known_velocity", "heading_tolerance", "arrival_distance"):
-            value = getattr(self, name)
-            least = "at least 0" if name in at_least_zero else "positive"
-            if not (math.isfinite(value) and (value > 0.0 or (name in at_least_zero and value == 0.0))):
-                raise InvalidInput(f"global navigator: {name} is {value}, must be a number, {least}")
-        if self.robot_distance is not None and not 0.0 < self.robot_distance < math.inf:
-            raise InvalidInput(
-                f"global navigator: robot_distance is {self.robot_distance}, must be positive or left out"
-            )
+        check_not_negative(self, at_least_zero, owner)
+        check_positive(self, ("known_velocity", "heading_tolerance", "arrival_distance"), owner)
+        check_positive(self, ("robot_distance",), owner, optional=True)
 
     @property
     def interval(self) -> float:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from snnav_core.checks import check_not_negative, check_positive, check_robot, check_whole
 from snnav_core.errors import InvalidInput
 from snnav_core.planning.adjustment import AdjustmentSettings
 from snnav_core.planning.certificate import PIECES_PER_LINK, CertificateSettings
@@ -81,30 +82,16 @@ class NavigatorSettings:
     adjustment: AdjustmentSettings = field(default_factory=AdjustmentSettings)
 
     def __post_init__(self) -> None:
-        for name in ("sampling_interval", "safety_margin"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InvalidInput(f"{name} is {value}, must be a positive number")
-        for name in ("boundary_speed", "planning_reserve", "simplification", "switch_gain"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise InvalidInput(f"{name} is {value}, must be a number >= 0")
-        for name in ("time_window", "search_interval", "searches_per_step", "crowd", "max_adjusted"):
-            if getattr(self, name) < 1:
-                raise InvalidInput(f"{name} is {getattr(self, name)}, must be a whole number >= 1")
-        if self.followed_steps < 0:
-            raise InvalidInput(f"followed_steps is {self.followed_steps}, must be a whole number >= 0")
+        check_positive(self, ("sampling_interval", "safety_margin"))
+        check_positive(self, ("arrival_distance", "path_spacing"), optional=True)
+        check_not_negative(self, ("boundary_speed", "planning_reserve", "simplification", "switch_gain"))
+        check_not_negative(self, ("tracking_tolerance",), optional=True)
+        whole = ("time_window", "search_interval", "searches_per_step", "crowd", "max_adjusted")
+        check_whole(self, whole, 1)
+        check_whole(self, ("followed_steps",), 0)
         for name in ("turn_radius_factor", "circle_radius_factor"):
             if not getattr(self, name) >= 1.0:
                 raise InvalidInput(f"{name} is {getattr(self, name)}, must be >= 1")
-        if self.tracking_tolerance is not None and not (0.0 <= self.tracking_tolerance < math.inf):
-            raise InvalidInput(
-                f"tracking_tolerance is {self.tracking_tolerance}, must be a number >= 0 or left out"
-            )
-        for name in ("arrival_distance", "path_spacing"):
-            value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0.0):
-                raise InvalidInput(f"{name} is {value}, must be a positive number or left out")
 
 
 class RobotDistances:
@@ -117,15 +104,7 @@ class RobotDistances:
     """
 
     def __init__(self, robot: RobotSpec, settings: NavigatorSettings) -> None:
-        if settings.boundary_speed >= robot.speed:
-            raise InvalidInput(
-                f"boundary_speed {settings.boundary_speed} m/s must be below the speed {robot.speed} m/s of robot "
-                f"{robot.id}"
-            )
-        if settings.safety_margin < robot.radius:
-            raise InvalidInput(
-                f"safety_margin {settings.safety_margin} m is below the radius {robot.radius} m of robot {robot.id}"
-            )
+        check_robot(robot, settings.boundary_speed, settings.safety_margin)
         self._settings = settings
         derived = max(0.003, 0.01 * robot.min_turn_radius)
         self.tolerance = derived if settings.tracking_tolerance is None else settings.tracking_tolerance

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 from enum import Enum
 
+from snnav_core.checks import check_not_negative, check_positive, check_whole
 from snnav_core.errors import InvalidInput
 from snnav_core.obstacles import MovingObstacle
 from snnav_core.planning.adjustment import AdjustmentSettings
@@ -108,18 +109,12 @@ class SpacetimeSettings:
     longest_link: float = 1.02
 
     def __post_init__(self) -> None:
-        for name in ("sampling_interval", "safety_margin", "graze", "longest"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InvalidInput(f"global planner: {name} is {value}, must be a positive number")
-        if not (math.isfinite(self.tracking_tolerance) and self.tracking_tolerance >= 0.0):
-            raise InvalidInput(
-                f"global planner: tracking_tolerance is {self.tracking_tolerance}, must be at least 0"
-            )
-        if self.candidates < 1:
-            raise InvalidInput(f"global planner: candidates is {self.candidates}, must be at least 1")
+        owner = "global planner: "
+        check_positive(self, ("sampling_interval", "safety_margin", "graze", "longest"), owner)
+        check_not_negative(self, ("tracking_tolerance",), owner)
+        check_whole(self, ("candidates",), 1, owner)
         if not self.longest_link > 1.0:
-            raise InvalidInput(f"global planner: longest_link is {self.longest_link}, must be above 1")
+            raise InvalidInput(f"{owner}longest_link is {self.longest_link}, must be above 1")
 
 
 class CandidateOutcome(Enum):

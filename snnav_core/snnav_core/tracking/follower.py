@@ -8,6 +8,7 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
+from snnav_core.checks import check_positive
 from snnav_core.errors import InvalidInput
 from snnav_core.types import RobotSpec, TimedPath
 
@@ -45,10 +46,7 @@ def check_law(settings: object, law: str, names: Sequence[str]) -> None:
     """
     if law not in ("practical", "printed"):
         raise InvalidInput(f"tracking law is {law!r}, must be 'practical' or 'printed'")
-    for name in names:
-        value = getattr(settings, name)
-        if value is not None and not (math.isfinite(value) and value > 0.0):
-            raise InvalidInput(f"tracker: {name} is {value}, must be a positive number or left out")
+    check_positive(settings, names, "tracker: ", optional=True)
 
 
 class PathFollower(Generic[_LineT]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -65,7 +66,7 @@ class NodeOptions:
         }
 
 
-class ManagedNode(LifecycleNode):
+class ManagedNode(LifecycleNode, ABC):
     """A lifecycle node that goes active by itself unless the parameter `autostart` says no.
 
     A subclass makes publishers in `configure`, listens and starts timers in `start`. What it made with the methods of
@@ -96,13 +97,13 @@ class ManagedNode(LifecycleNode):
         else:
             self.get_logger().info("waiting for: the transitions configure and activate (autostart is false)")
 
+    @abstractmethod
     def configure(self) -> None:
         """Make publishers."""
-        raise NotImplementedError
 
+    @abstractmethod
     def start(self) -> None:
         """Listen and start timers."""
-        raise NotImplementedError
 
     def publisher(self, kind: Any, topic: str, qos: QoSProfile) -> Any:
         """Return a publisher that lasts until the node is cleaned up."""

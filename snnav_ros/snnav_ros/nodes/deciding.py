@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, Protocol
@@ -93,21 +94,21 @@ class DecidingNode(ManagedNode):
 
     # what a subclass says
 
+    @abstractmethod
     def inputs(self) -> list[str]:
         """Topics that it waits for besides those of the robots."""
-        raise NotImplementedError
 
+    @abstractmethod
     def is_complete(self, tick: int) -> bool:
         """In lockstep: whether its own inputs of a tick [ns] are there, those of the robots aside."""
-        raise NotImplementedError
 
+    @abstractmethod
     def decide(self, tick: int) -> None:
         """In lockstep: decide for a tick [ns] of which everything is there."""
-        raise NotImplementedError
 
+    @abstractmethod
     def forget(self) -> None:
         """Forget its own inputs, as after a jump of time in real time."""
-        raise NotImplementedError
 
     def serves(self, name: str) -> bool:
         """Whether it decides for a robot."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
@@ -87,17 +88,18 @@ class FaultStages:
 _Changer = Callable[[Fault, Any, Draws], Any]
 
 
-class _Stage:
+class _Stage(ABC):
     """One fault: what it does to a scan that it meets, and to one that it spares."""
 
     def __init__(self, fault: Fault) -> None:
         self.fault = fault
 
-    def reset(self) -> None:
+    def reset(self) -> None:  # noqa: B027 (most remember nothing)
         """Forget earlier scans."""
 
+    @abstractmethod
     def meet(self, entry: Delivery[Any], draws: Draws) -> list[Delivery[Any]]:
-        raise NotImplementedError
+        """Change a scan that the fault meets."""
 
     def spare(self, entry: Delivery[Any]) -> list[Delivery[Any]]:
         return [entry]
