@@ -13,7 +13,7 @@ from snnav_core.area.grid import Grid
 from snnav_core.errors import InvalidInput
 from snnav_core.types import FloatArray
 
-__all__ = ["SpatialArea"]
+__all__ = ["SpatialArea", "bound", "interpolate"]
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,14 @@ class SpatialArea:
 
     Notes
     -----
-    A ball around every centre is free. A point has at least the clearance of a centre less its distance from it; the
-    best of the eight centres around is taken. That costs up to half a cell's diagonal and is never too much (C4-22).
+    A ball around every centre is free, so a point has at least the clearance of a centre less its distance from it:
+    the best of the eight centres around. And with d the distance to any set of bodies, d(x)^2 - x^2 is concave: where p
+    is the mean of these centres c by the weights w of linear interpolation,
+
+        d(p)^2 >= sum w d(c)^2 - sum w (c - p)^2,
+
+    also with lower bounds of d(c) in its place. The better of both is taken; it is never too much (C4-22), and 1 cm
+    too little at 0.4 m in cells of 0.1 m, where half a cell's diagonal is 9 cm.
     """
 
     stamp: float
@@ -74,7 +80,7 @@ class SpatialArea:
         points = np.ascontiguousarray(points, dtype=np.float64)
         grown = np.broadcast_to(np.asarray(growth, dtype=np.float64), len(points)).copy()
         return np.asarray(
-            _bound(points, grown, self.moving, self.static, self.grid.origin, self.grid.spacing)
+            _bounds(points, grown, self.moving, self.static, self.grid.origin, self.grid.spacing)
         )
 
     def smooth_at(
@@ -103,7 +109,7 @@ class SpatialArea:
 
 
 @njit(cache=True, nogil=True)
-def _bound(
+def _bounds(
     points: FloatArray,
     growth: FloatArray,
     moving: NDArray[np.float32],
@@ -111,27 +117,55 @@ def _bound(
     origin: FloatArray,
     spacing: float,
 ) -> FloatArray:  # pragma: no cover - compiled
-    """Best of the eight centres around each point, less the way to it; per field, then the smaller of both."""
-    nx, ny, nz = moving.shape
-    bound = np.empty(len(points))
+    """Return `bound` at points."""
+    found = np.empty(len(points))
     for n in range(len(points)):
-        x = (points[n, 0] - origin[0]) / spacing
-        y = (points[n, 1] - origin[1]) / spacing
-        z = (points[n, 2] - origin[2]) / spacing
-        if not (0.0 <= x <= nx and 0.0 <= y <= ny and 0.0 <= z <= nz):
-            bound[n] = -np.inf
-            continue
-        i0, j0, k0 = int(np.floor(x - 0.5)), int(np.floor(y - 0.5)), int(np.floor(z - 0.5))
-        best_moving, best_static = -np.inf, -np.inf
-        for i in range(max(i0, 0), min(i0 + 2, nx)):
-            for j in range(max(j0, 0), min(j0 + 2, ny)):
-                for k in range(max(k0, 0), min(k0 + 2, nz)):
-                    dx, dy, dz = x - i - 0.5, y - j - 0.5, z - k - 0.5
-                    way = np.sqrt(dx * dx + dy * dy + dz * dz) * spacing
-                    best_moving = max(best_moving, moving[i, j, k] - way)
-                    best_static = max(best_static, static[i, j, k] - way)
-        bound[n] = min(best_moving - growth[n], best_static)
-    return bound
+        found[n] = bound(points[n], growth[n], moving, static, origin, spacing)
+    return found
+
+
+@njit(cache=True, nogil=True)
+def bound(
+    point: FloatArray,
+    growth: float,
+    moving: NDArray[np.float32],
+    static: NDArray[np.float32],
+    origin: FloatArray,
+    spacing: float,
+) -> float:  # pragma: no cover - compiled
+    """Lower bound of the clearance of a point (3,): per field, by the eight centres around it; the smaller of both."""
+    nx, ny, nz = moving.shape
+    x = (point[0] - origin[0]) / spacing
+    y = (point[1] - origin[1]) / spacing
+    z = (point[2] - origin[2]) / spacing
+    if not (0.0 <= x <= nx and 0.0 <= y <= ny and 0.0 <= z <= nz):
+        return -np.inf
+    i0, j0, k0 = int(np.floor(x - 0.5)), int(np.floor(y - 0.5)), int(np.floor(z - 0.5))
+    u, v, w = x - 0.5 - i0, y - 0.5 - j0, z - 0.5 - k0
+    best_moving, best_static = -np.inf, -np.inf  # a centre less the way to it
+    mean_moving, mean_static, inside = 0.0, 0.0, 0  # of squares
+    for a in range(2):
+        for b in range(2):
+            for c in range(2):
+                i, j, k = i0 + a, j0 + b, k0 + c
+                if not (0 <= i < nx and 0 <= j < ny and 0 <= k < nz):
+                    continue
+                inside += 1
+                dx, dy, dz = a - u, b - v, c - w
+                way = np.sqrt(dx * dx + dy * dy + dz * dz) * spacing
+                one, other = moving[i, j, k] - growth, np.float64(static[i, j, k])
+                best_moving = max(best_moving, one - way)
+                best_static = max(best_static, other - way)
+                weight = (1.0 - abs(dx)) * (1.0 - abs(dy)) * (1.0 - abs(dz))
+                mean_moving += weight * max(one, 0.0) ** 2
+                mean_static += weight * max(other, 0.0) ** 2
+    if inside == 8:
+        spread = spacing * spacing * (u * (1.0 - u) + v * (1.0 - v) + w * (1.0 - w))
+        if mean_moving > spread:
+            best_moving = max(best_moving, np.sqrt(mean_moving - spread))
+        if mean_static > spread:
+            best_static = max(best_static, np.sqrt(mean_static - spread))
+    return min(best_moving, best_static)
 
 
 @njit(cache=True, nogil=True)
@@ -143,31 +177,49 @@ def _interpolate(
     origin: FloatArray,
     spacing: float,
 ) -> tuple[FloatArray, FloatArray]:  # pragma: no cover - compiled
-    """Trilinear interpolation of min(moving - growth, static), clamped to the grid, and its gradient."""
-    nx, ny, nz = moving.shape
-    value = np.empty(len(points))
-    gradient = np.zeros((len(points), 3))
-    weight = np.empty((3, 2))
-    low = np.empty(3, dtype=np.int64)
-    size = (nx, ny, nz)
+    """Value and gradient of `interpolate` at points."""
+    value, gradient = np.empty(len(points)), np.empty((len(points), 3))
     for n in range(len(points)):
-        for axis in range(3):
-            at = (points[n, axis] - origin[axis]) / spacing - 0.5
-            at = min(max(at, 0.0), size[axis] - 1.0)
-            low[axis] = min(int(at), max(size[axis] - 2, 0))
-            weight[axis, 1] = at - low[axis]
-            weight[axis, 0] = 1.0 - weight[axis, 1]
-        total = 0.0
-        for a in range(2):
-            for b in range(2):
-                for c in range(2):
-                    i = min(low[0] + a, nx - 1)
-                    j = min(low[1] + b, ny - 1)
-                    k = min(low[2] + c, nz - 1)
-                    one = min(moving[i, j, k] - growth[n], static[i, j, k])
-                    total += weight[0, a] * weight[1, b] * weight[2, c] * one
-                    gradient[n, 0] += (2 * a - 1) * weight[1, b] * weight[2, c] * one / spacing
-                    gradient[n, 1] += (2 * b - 1) * weight[0, a] * weight[2, c] * one / spacing
-                    gradient[n, 2] += (2 * c - 1) * weight[0, a] * weight[1, b] * one / spacing
-        value[n] = total
+        value[n] = interpolate(points[n], growth[n], moving, static, origin, spacing, gradient[n])
     return value, gradient
+
+
+@njit(cache=True, nogil=True)
+def interpolate(
+    point: FloatArray,
+    growth: float,
+    moving: NDArray[np.float32],
+    static: NDArray[np.float32],
+    origin: FloatArray,
+    spacing: float,
+    gradient: FloatArray,
+) -> float:  # pragma: no cover - compiled
+    """Interpolate min(moving - growth, static) linearly at a point (3,), clamped to the grid; fill its gradient."""
+    nx, ny, nz = moving.shape
+    i, u = _between(point[0], origin[0], spacing, nx)
+    j, v = _between(point[1], origin[1], spacing, ny)
+    k, w = _between(point[2], origin[2], spacing, nz)
+    total = 0.0
+    gradient[:] = 0.0
+    for a in range(2):
+        wx, ia = (u if a else 1.0 - u), min(i + a, nx - 1)
+        for b in range(2):
+            wy, jb = (v if b else 1.0 - v), min(j + b, ny - 1)
+            for c in range(2):
+                wz, kc = (w if c else 1.0 - w), min(k + c, nz - 1)
+                one = min(moving[ia, jb, kc] - growth, static[ia, jb, kc])
+                total += wx * wy * wz * one
+                gradient[0] += (2 * a - 1) * wy * wz * one / spacing
+                gradient[1] += (2 * b - 1) * wx * wz * one / spacing
+                gradient[2] += (2 * c - 1) * wx * wy * one / spacing
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _between(
+    coordinate: float, origin: float, spacing: float, size: int
+) -> tuple[int, float]:  # pragma: no cover - compiled
+    """The centre at or below a coordinate along one axis, and the share of the way to the next one."""
+    at = min(max((coordinate - origin) / spacing - 0.5, 0.0), size - 1.0)
+    low = min(int(at), max(size - 2, 0))
+    return low, at - low

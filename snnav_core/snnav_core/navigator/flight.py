@@ -12,7 +12,7 @@ from snnav_core.errors import InvalidInput
 from snnav_core.flight_types import FlyerState
 from snnav_core.navigator.flight_planner import FlightPlanner
 from snnav_core.navigator.flight_settings import FlightSettings
-from snnav_core.planning.flight_certificate import OtherFlyer
+from snnav_core.planning.flight_separation import OtherFlyer
 from snnav_core.types import FloatArray, PlannedPath, RobotSpec, StepResult, Stop, StopReason, TimedPath
 
 __all__ = ["FlightNavigator"]

@@ -12,8 +12,9 @@ from snnav_core.flight_types import FlyerState
 from snnav_core.navigator.flight_settings import FlightDistances, FlightSettings
 from snnav_core.planning.adjustment import adjust, resample
 from snnav_core.planning.fields import Barrier, DiskBarrier
-from snnav_core.planning.flight_certificate import OtherFlyer, certify_flight
+from snnav_core.planning.flight_certificate import certify_flight
 from snnav_core.planning.flight_fields import RegionBarrier, TorusBarrier
+from snnav_core.planning.flight_separation import OtherFlyer
 from snnav_core.planning.roadmap import RoadmapSettings, build_roadmap, rough_path
 from snnav_core.types import (
     Certificate,

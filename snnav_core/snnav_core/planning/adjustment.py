@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from snnav_core.planning.adjustment_kernel import adjust_in_plane
+from snnav_core.planning.adjustment_space import adjust_in_space
 from snnav_core.planning.fields import Barrier, interval_field, pull_field
 from snnav_core.types import FloatArray
 
@@ -114,7 +115,8 @@ def adjust(
     force ignored in the exit test (C0-5); rest means that all forces and velocities are small and no point was added
     or removed in the last five passes (C0-1); a new point goes min(L, d) towards the target (C0-14).
 
-    In the plane, with exact barriers that are a `ClearanceField`, disks and circles, the same loop runs compiled.
+    With exact barriers the same loop runs compiled: in the plane for a `ClearanceField`, disks and circles, in space
+    for a `SpatialArea`, spheres and the torus.
     """
     pull = settings.pull * link_length
     rest_length = link_length - pull / settings.interval_gain
@@ -123,7 +125,8 @@ def adjust(
     if settings.exact_barriers:
         gains = (link_length, pull, rest_length, settings.interval_gain, settings.attenuation)
         limits = (threshold, speed_threshold, settings.shortest_end, settings.longest_end)
-        result = adjust_in_plane(points, target, barriers, gains, limits, (max_passes, max_points))
+        within = adjust_in_plane if points.shape[1] == 2 else adjust_in_space
+        result = within(points, target, barriers, gains, limits, (max_passes, max_points))
         if result is not None:
             return AdjustmentResult(*result)
     first, moving = points[:1], points[1:].copy()

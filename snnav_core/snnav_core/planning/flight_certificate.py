@@ -8,33 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from snnav_core.area.spatial import SpatialArea
 from snnav_core.flight_types import FlyerState
 from snnav_core.planning.certificate import CertificateSettings
+from snnav_core.planning.flight_separation import OtherFlyer, separation
 from snnav_core.types import Certificate, FloatArray, RobotSpec, TimedPath
 
-__all__ = ["OtherFlyer", "certify_flight", "least_gap"]
+__all__ = ["certify_flight"]
 
 _PIECE = 0.25  # longest piece of a link that is checked as one, as a share of the cells of the area
-_STOPS = 8  # so many places in an interval are looked at where another robot may stop
-
-
-@dataclass(frozen=True)
-class OtherFlyer:
-    """Where another robot will be: it follows `path` and hovers at its end.
-
-    One that `leaves` hovers now and has a target elsewhere: planning counts with it for the window only, else robots
-    that want to each other's places would wait for each other. The certificate makes no difference.
-    """
-
-    id: str
-    radius: float
-    path: TimedPath
-    leaves: bool = False
 
 
 def certify_flight(
@@ -79,7 +64,7 @@ def certify_flight(
     radius = check.least_radius()
     reason = check.shape_fault(radius)
     clear_until, clearance, clear_fault = check.clearance()
-    apart_until, separation, apart_fault = _separation(path, others, settings)
+    apart_until, apart, apart_fault = separation(path, others, settings)
     window_end = path.start_time + settings.time_window * settings.sampling_interval
     until = max(path.start_time, min(clear_until, apart_until, window_end))
     window = math.floor((until - path.start_time) / settings.sampling_interval + 1e-9)
@@ -92,7 +77,7 @@ def certify_flight(
         accepted=not reason,
         valid_until=path.start_time + min(window, settings.time_window) * settings.sampling_interval,
         least_clearance=clearance,
-        least_separation=separation,
+        least_separation=apart,
         least_radius=radius,
         area_stamp=area.stamp,
         path_digest=path.digest(),
@@ -126,13 +111,24 @@ class _Check:
         self.present = float(area.clearance_at(self.points[:1], grown)[0])
 
     def _along(self, growth: FloatArray) -> FloatArray:
-        """Least distance of every piece, (M,) [m]: no point of it is nearer than half of both ends less its length."""
+        """Least distance of every piece, (M,) [m].
+
+        No point of it is nearer than half of both ends less its length; and along it the square of the distance less
+        that of the way is concave, as told at `SpatialArea`.
+        """
         if len(growth) == 0:
             return np.empty(0)
         begin = self.area.clearance_at(self.knots[:-1], growth)
         end = self.area.clearance_at(self.knots[1:], growth)
-        length = np.linalg.norm(np.diff(self.knots, axis=0), axis=1)
-        return np.asarray(np.minimum(np.minimum(begin, end), 0.5 * (begin + end - length)))
+        step = np.diff(self.knots, axis=0)
+        squared = np.maximum(np.einsum("ij,ij->i", step, step), 1e-18)
+        near = np.minimum(np.minimum(begin, end), 0.5 * (begin + end - np.sqrt(squared)))
+        first, last = np.maximum(begin, 0.0) ** 2, np.maximum(end, 0.0) ** 2
+        share = np.clip(
+            0.5 * (squared + first - last) / squared, 0.0, 1.0
+        )  # of the way, to the least of the bound
+        least = (1.0 - share) * first + share * last - share * (1.0 - share) * squared
+        return np.asarray(np.maximum(near, np.where(least > 0.0, np.sqrt(np.maximum(least, 0.0)), -np.inf)))
 
     def least_radius(self) -> float:
         """Least circumscribed radius of three successive points [m]; 0 where the path turns back."""
@@ -226,72 +222,3 @@ class _Check:
             f"beyond the window the path comes within {self.present_distances[worst]:.3f} m of the boundary, "
             f"margin {margin:.3f} m"
         )
-
-
-def least_gap(one: TimedPath, other: TimedPath, begin: float, end: float) -> tuple[float, float]:
-    """Least distance of two robots that follow their paths between two times, exact.
-
-    Parameters
-    ----------
-    one, other : TimedPath
-        Held at both ends.
-    begin, end : float
-        [s]
-
-    Returns
-    -------
-    gap, time : float
-        [m] and when [s].
-    """
-    knots = [path.start_time + path.step * np.arange(len(path)) for path in (one, other)]
-    times = np.unique(np.clip(np.concatenate((*knots, [begin, end])), begin, end))
-    apart = one.positions_at(times) - other.positions_at(times)
-    if len(times) == 1:
-        return float(np.linalg.norm(apart[0])), begin
-    step = np.diff(apart, axis=0)
-    squared = np.einsum("ij,ij->i", step, step)
-    share = np.clip(-np.einsum("ij,ij->i", apart[:-1], step) / np.maximum(squared, 1e-18), 0.0, 1.0)
-    gaps = np.linalg.norm(apart[:-1] + share[:, None] * step, axis=1)
-    worst = int(np.argmin(gaps))
-    return float(gaps[worst]), float(times[worst] + share[worst] * (times[worst + 1] - times[worst]))
-
-
-def _separation(
-    path: TimedPath, others: Sequence[OtherFlyer], settings: CertificateSettings
-) -> tuple[float, float, str]:
-    """Until when the margin to other robots holds [s], the least distance to their spheres [m], what fails then."""
-    start = path.start_time
-    interval = settings.sampling_interval
-    margin = settings.safety_margin + 2.0 * settings.tracking_tolerance
-    until, least, fault = math.inf, math.inf, ""
-    for other in others:
-        apart = float(np.linalg.norm(path.points[0] - other.path.positions_at(np.array([start]))[0]))
-        limit = min(margin, apart - other.radius)
-        for count in range(1, settings.time_window + 1):
-            begin, end = start + (count - 1) * interval, start + count * interval
-            gap, time = least_gap(path, other.path, begin, end)
-            gap -= other.radius
-            least = min(least, gap)
-            if count == 1:
-                gap = min(gap, _gap_to_stops(path, other, start, interval))
-            if gap < limit - 1e-6:
-                if begin < until:
-                    until = begin
-                    fault = (
-                        f"comes within {gap:.3f} m of robot {other.id} after {time - start:.2f} s, "
-                        f"margin {limit:.3f} m"
-                    )
-                break
-    return until, least, fault
-
-
-def _gap_to_stops(path: TimedPath, other: OtherFlyer, start: float, interval: float) -> float:
-    """Least distance in the first interval to the sphere of a robot that stops anywhere in it [m]."""
-    times = start + interval * np.arange(_STOPS + 1) / _STOPS
-    stops = other.path.positions_at(times)
-    half = 0.5 * float(np.linalg.norm(np.diff(stops, axis=0), axis=1).max(initial=0.0))
-    mine = path.positions_at(times)
-    gaps = np.linalg.norm(mine[:, None] - stops[None], axis=2)
-    moved = 0.5 * float(np.linalg.norm(np.diff(mine, axis=0), axis=1).max(initial=0.0))
-    later = np.arange(_STOPS + 1)[:, None] >= np.arange(_STOPS + 1)[None]
-    return float(gaps[later].min()) - half - moved - other.radius

@@ -13,16 +13,12 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from snnav_core.area.spatial import SpatialArea
+from snnav_core.planning.flight_edges import NOBODY, Spheres, clear_edges, outside
 from snnav_core.types import FloatArray
 
-__all__ = ["Roadmap", "RoadmapSettings", "Spheres", "build_roadmap", "rough_path"]
+__all__ = ["Roadmap", "RoadmapSettings", "build_roadmap", "rough_path"]
 
-_SWEEP = 0.5  # edges are looked at every so many cells
 _NARROW = 5  # cells
-_NOBODY = np.empty((0, 4))
-
-Spheres = FloatArray
-"""Places to stay out of: centres [m, map] and radii [m], shape (K, 4)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +71,7 @@ def build_roadmap(
     growth: float,
     settings: RoadmapSettings,
     rng: np.random.Generator,
-    spheres: Spheres = _NOBODY,
+    spheres: Spheres = NOBODY,
 ) -> Roadmap:
     """Sample the region R[A, d] and connect near samples (Ch. 4, A1-A3).
 
@@ -92,36 +88,40 @@ def build_roadmap(
         Other robots, which are avoided as if they stood (C4-8).
     """
     region = area.reduced(distance, growth)
-    cells = np.argwhere(region)
+    cells = np.flatnonzero(region)
     if len(cells) == 0:
         return Roadmap(np.empty((0, 3)), np.empty((0, 2), dtype=np.int64), np.empty(0), distance, growth)
     chosen = cells[rng.integers(len(cells), size=settings.samples)]
-    thin = _thin(region) if settings.narrow else cells[:0]
+    thin = np.flatnonzero(_thin(region)) if settings.narrow else cells[:0]
     if len(thin):
         half = settings.samples // 2
         chosen[:half] = thin[rng.integers(len(thin), size=half)]
     jitter = rng.uniform(-0.5, 0.5, (settings.samples, 3))
-    centres = area.grid.origin + area.grid.spacing * (chosen + 0.5)
+    places = np.stack(np.unravel_index(chosen, region.shape), axis=-1)
+    centres = area.grid.origin + area.grid.spacing * (places + 0.5)
     points = centres + area.grid.spacing * jitter
     kept = area.clearance_at(points, growth) >= distance
     points = np.where(kept[:, None], points, centres)
-    points = points[_outside(points, spheres)]
+    points = points[outside(points, spheres)]
     if len(points) < 2:
         return Roadmap(points, np.empty((0, 2), dtype=np.int64), np.empty(0), distance, growth)
     count = min(settings.neighbours + 1, len(points))
     _, near = cKDTree(points).query(points, k=count)
     pairs = np.column_stack((np.repeat(np.arange(len(points)), count), np.asarray(near).ravel()))
-    pairs = np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)
-    valid = _clear(area, points[pairs[:, 0]], points[pairs[:, 1]], distance, growth, spheres)
+    low, high = pairs.min(axis=1), pairs.max(axis=1)
+    keys = np.unique((low * len(points) + high)[low != high])
+    pairs = np.column_stack((keys // len(points), keys % len(points)))
+    valid = clear_edges(area, points[pairs[:, 0]], points[pairs[:, 1]], distance, growth, spheres)
     edges = pairs[valid]
     lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
     return Roadmap(points, edges, lengths, distance, growth)
 
 
-def _thin(region: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Cells of a region, (K, 3), that no cube of some cells inside it holds."""
+def _thin(region: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Cells of a region that no cube of some cells inside it holds."""
     held = ndimage.minimum_filter(region.astype(np.uint8), _NARROW)
-    return np.argwhere(region & (ndimage.maximum_filter(held, _NARROW) == 0))
+    thin: NDArray[np.bool_] = region & (ndimage.maximum_filter(held, _NARROW) == 0)
+    return thin
 
 
 def rough_path(
@@ -131,7 +131,7 @@ def rough_path(
     goal: FloatArray,
     growth_per_metre: float,
     settings: RoadmapSettings,
-    spheres: Spheres = _NOBODY,
+    spheres: Spheres = NOBODY,
 ) -> FloatArray | None:
     """Shortest way from start to goal through a roadmap (Ch. 4, A4-A6).
 
@@ -174,7 +174,7 @@ def rough_path(
         per_metre = np.where(from_start, growth_per_metre, math.inf)
         if not growing:  # the direct edge starts at the start
             begins[nearest == count], ends = start, np.where((nearest == count)[:, None], point, ends)
-        valid = _clear(area, begins, ends, roadmap.distance, roadmap.growth, spheres, per_metre)
+        valid = clear_edges(area, begins, ends, roadmap.distance, roadmap.growth, spheres, per_metre)
         good = nearest[valid]
         edges.append(np.column_stack((np.full(len(good), index), good)))
         lengths.append(np.linalg.norm(vertices[good] - point, axis=1))
@@ -187,45 +187,3 @@ def rough_path(
     while way[-1] != count:
         way.append(int(before[way[-1]]))
     return np.asarray(vertices[way[::-1]])
-
-
-def _outside(points: FloatArray, spheres: Spheres) -> NDArray[np.bool_]:
-    away = np.linalg.norm(points[:, None] - spheres[None, :, :3], axis=2)
-    return np.asarray((away > spheres[:, 3]).all(axis=1))
-
-
-def _clear(
-    area: SpatialArea,
-    begins: FloatArray,
-    ends: FloatArray,
-    distance: float,
-    growth: float,
-    spheres: Spheres,
-    growth_per_metre: FloatArray | None = None,
-) -> NDArray[np.bool_]:
-    """Whether edges (E, 3) to (E, 3) keep a distance, all swept at once; those that start near may leave."""
-    if len(begins) == 0:
-        return np.zeros(0, dtype=bool)
-    lengths = np.linalg.norm(ends - begins, axis=1)
-    counts = np.maximum(np.ceil(lengths / (_SWEEP * area.grid.spacing)).astype(np.int64), 1) + 1
-    edge = np.repeat(np.arange(len(begins)), counts)
-    step = np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)
-    share = step / (counts[edge] - 1)
-    points = begins[edge] + share[:, None] * (ends - begins)[edge]
-    demanded = np.full(len(points), distance)
-    grown = np.full(len(points), growth)
-    if growth_per_metre is not None:
-        along = share * lengths[edge]
-        finite = np.isfinite(growth_per_metre[edge])
-        per = np.where(finite, growth_per_metre[edge], 0.0)
-        grown = np.where(finite, np.minimum(growth, per * along), growth)
-        at_start = area.clearance_at(begins)[edge]
-        # A robot that stands too near leaves at least as fast as it flies: half of what it goes is gained.
-        demanded = np.where(finite, np.minimum(distance, at_start + 0.5 * along - 1e-3), distance)
-    bad = area.clearance_at(points, grown) < demanded
-    if len(spheres):
-        inside = ~_outside(points, spheres)
-        bad |= inside if growth_per_metre is None else inside & (share > 0.0)
-    failed = np.zeros(len(begins), dtype=bool)
-    failed[edge[bad]] = True
-    return ~failed
