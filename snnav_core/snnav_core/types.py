@@ -235,6 +235,7 @@ class StopReason(Enum):
     GOAL_BLOCKED = "goal_blocked"
     GOAL_UNREACHABLE = "goal_unreachable"
     NO_PATH = "no_path"
+    NO_PROGRESS = "no_progress"  # drove or turned for long without getting anywhere; it tries again later
     BLOCKED_BY_ROBOT = "blocked_by_robot"
     YIELDS = "yields"  # waits out of the way of another robot; the message says for whom
     NOT_TRACKED = "not_tracked"  # bodies were not measured often enough yet to know how they move

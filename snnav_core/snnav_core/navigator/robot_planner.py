@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
@@ -21,6 +21,7 @@ from snnav_core.navigator.plans import (
     turn_first,
     turn_on,
 )
+from snnav_core.navigator.progress import Progress
 from snnav_core.navigator.search import Route, find_route, route_candidates, shortest_way
 from snnav_core.navigator.standing import names_in_the_way, standing
 from snnav_core.planning.adjustment import resample
@@ -82,6 +83,8 @@ class RobotMemory:
         Steps for which the last path has been followed without adjusting it again.
     waited : int
         Steps for which the robot has waited for its turn to seek a way.
+    progress : Progress
+        Whether it gets anywhere.
     """
 
     goal: tuple[float, float]
@@ -97,6 +100,7 @@ class RobotMemory:
     hurry: int = 0
     followed: int = 0
     waited: int = 0
+    progress: Progress = field(default_factory=Progress.at_start)
 
 
 def plan_robot(
@@ -117,10 +121,23 @@ def plan_robot(
     -------
     decision, memory
     """
+    progress = memory.progress.here(attempt.pose.position)
+    decision, memory = _weighed(attempt, memory, area_changed, progress.stop(attempt))
+    return decision, replace(memory, progress=progress.after(attempt, decision))
+
+
+def _weighed(
+    attempt: Attempt, memory: RobotMemory, area_changed: bool, rest: Stop | None
+) -> tuple[PlannedPath | Stop, RobotMemory]:
+    """On to the target, unless the robot rests, or out of the way, or wait."""
     last, memory = memory, replace(memory, evading=False)
-    decision, memory = _to_target(
-        attempt, memory if not last.evading else replace(memory, plan=None), area_changed
-    )
+    decision: PlannedPath | Stop
+    if rest is not None:
+        decision = rest
+    else:
+        decision, memory = _to_target(
+            attempt, memory if not last.evading else replace(memory, plan=None), area_changed
+        )
     if isinstance(decision, PlannedPath):
         memory = _with_progress(memory, decision, attempt.distances.stride)
     away = (_kept(attempt, last) or turn_on(attempt, last.plan)) if last.evading else None

@@ -53,6 +53,7 @@ _COLOURS |= {
     _STOPPED + "no area": "#343a40",
     _STOPPED + "no state": "#868e96",
     _STOPPED + "no goal": "#dee2e6",
+    _STOPPED + "no progress": "#bc6c25",
     _STOPPED + "not tracked": "#adb5bd",
 }
 _OF_PATHS = {

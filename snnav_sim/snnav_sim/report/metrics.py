@@ -16,7 +16,7 @@ import snnav_core
 import snnav_sim
 from snnav_core.errors import PlanningError
 from snnav_core.planning.spacetime_problem import SpacetimePlan
-from snnav_core.types import StopReason
+from snnav_core.types import PathSource, StopReason
 from snnav_sim.report.optimum import shortest_path
 from snnav_sim.report.record import Decision, RunRecord
 from snnav_sim.report.separation import separations
@@ -177,8 +177,8 @@ def _reason(
         return "not_joined", f"the run ended before {robot.joins_at:g} s: {record.reason}"
     if not decisions:
         return "no_decision", "nothing was ever published for this robot"
-    last = decisions[-1]
-    if last.path is None:
+    last = next((d for d in reversed(decisions) if d.source != PathSource.EVASION.value), decisions[-1])
+    if last.path is None:  # one that has only made room since is not under way
         return last.reason, last.message
     if not scene.is_present(robot, end + scene.control_period):
         return "left", f"left the workspace at {scene.instant(robot.leaves_at):g} s"

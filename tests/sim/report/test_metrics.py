@@ -103,6 +103,16 @@ def test_a_stop_gives_its_reason_and_a_path_the_reason_of_the_run(room: Scene) -
     assert (robot["reason"], robot["message"]) == ("under_way", "time limit of 6 s")
 
 
+def test_making_room_after_a_stop_is_not_being_under_way(room: Scene) -> None:
+    record = straight_run(room)
+    away = replace(record.decisions[-2], source="evasion")
+    record.decisions[-2:] = [Decision(5.0, "r", None, "no_progress", "gets nowhere"), away, away]
+    robot = compute_metrics(room, record)["robots"]["r"]
+    assert (robot["reason"], robot["message"], robot["reached"]) == ("no_progress", "gets nowhere", False)
+    record.decisions.append(replace(away, source="warm_start"))
+    assert compute_metrics(room, record)["robots"]["r"]["reason"] == "under_way"
+
+
 def test_arrived_somewhere_else_is_not_reached(room: Scene) -> None:
     scene = replace(room, robots=(replace(room.robots[0], target=(8.0, 6.0)),))
     assert not compute_metrics(scene, straight_run(scene))["robots"]["r"]["reached"]
