@@ -20,6 +20,7 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from snnav_ros.argument_types import whole
 from snnav_ros.run_display import make_console
 from snnav_sim.campaign.ledger import Campaign, Ledger, open_ledger
 from snnav_sim.campaign.pool import Progress as Report
@@ -51,27 +52,16 @@ def add_parsers(subparsers: argparse._SubParsersAction[argparse.ArgumentParser])
     kinds = "; ".join(f"{kind}: {text}" for kind, text in _KINDS.items())
     parser.add_argument("--kind", choices=tuple(_KINDS), required=True, help=kinds)
     parser.add_argument(
-        "--runs", type=_whole(1, SEED_STRIDE), default=100, metavar="N", help="number of runs (100)"
+        "--runs", type=whole(1, SEED_STRIDE), default=100, metavar="N", help="number of runs (100)"
     )
     largest = LARGEST_SEED // SEED_STRIDE - 1
-    parser.add_argument("--seed", type=_whole(0, largest), default=1, metavar="S", help="of all scenes (1)")
+    parser.add_argument("--seed", type=whole(0, largest), default=1, metavar="S", help="of all scenes (1)")
     jobs = os.cpu_count() or 1
     parser.add_argument(
-        "--jobs", type=_whole(1, 1000), default=jobs, metavar="J", help=f"processes (here: {jobs})"
+        "--jobs", type=whole(1, 1000), default=jobs, metavar="J", help=f"processes (here: {jobs})"
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="directory of the campaign")
     parser.set_defaults(func=_campaign)
-
-
-def _whole(least: int, most: int) -> Any:
-    """Return a parser of whole numbers in [least, most]."""
-
-    def parse(text: str) -> int:
-        if not (text.isdecimal() and least <= int(text) <= most):
-            raise argparse.ArgumentTypeError(f"{text!r} is no whole number from {least} to {most}")
-        return int(text)
-
-    return parse
 
 
 def _campaign(arguments: argparse.Namespace) -> int:

@@ -13,6 +13,7 @@ from pathlib import Path
 from rich.table import Table
 
 from snnav_core.errors import InvalidInput
+from snnav_ros.argument_types import whole
 from snnav_ros.available import require_ros
 from snnav_ros.run_display import make_console, run_display
 from snnav_sim.report.record import RunRecord
@@ -47,16 +48,12 @@ def add_parsers(subparsers: argparse._SubParsersAction[argparse.ArgumentParser])
         metavar="N",
         help="so many planner nodes share the robots (default: 1)",
     )
-    run.add_argument("--seed", type=_seed, metavar="N", help="instead of the seed of the scene")
+    run.add_argument(
+        "--seed", type=whole(0, LARGEST_SEED), metavar="N", help="instead of the seed of the scene"
+    )
     run.add_argument("--out", type=Path, metavar="DIR", help="run directory (default: runs/SCENE-DATE-TIME)")
     run.add_argument("--no-figures", action="store_true", help="draw nothing")
     run.set_defaults(func=_run)
-
-
-def _seed(text: str) -> int:
-    if not text.isdecimal() or int(text) > LARGEST_SEED:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 to {LARGEST_SEED}")
-    return int(text)
 
 
 def _scenes(_: argparse.Namespace) -> int:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
 
+from snnav_ros.argument_types import labelled, number, whole
 from snnav_ros.bag.settings import (
     POSE_TOPIC,
     SCAN_TOPIC,
@@ -42,47 +42,27 @@ def _deferred(module: str) -> Callable[[argparse.Namespace], int]:
     return call
 
 
-def _number(least: float, above: bool = False) -> Callable[[str], float]:
-    """Return an argparse type: a finite number from `least` on (or above it)."""
-
-    def parse(text: str) -> float:
-        value = float(text)
-        if not math.isfinite(value) or value < least or (above and value == least):
-            raise argparse.ArgumentTypeError(f"{text} must be {'above' if above else 'at least'} {least:g}")
-        return value
-
-    parse.__name__ = "number"
-    return parse
+def _add_sensors_file(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--sensors",
+        metavar="FILE",
+        type=Path,
+        required=True,
+        default=argparse.SUPPRESS,
+        help="topics and poses, YAML or JSON",
+    )
 
 
-def _whole(least: int) -> Callable[[str], int]:
-    """Return an argparse type: a whole number from `least` on."""
-
-    def parse(text: str) -> int:
-        value = int(text)
-        if value < least:
-            raise argparse.ArgumentTypeError(f"{text} must be at least {least}")
-        return value
-
-    parse.__name__ = "whole number"
-    return parse
+def _add_part(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--start", type=number(0.0), default=0.0, help="from the start of the recording [s]")
+    parser.add_argument("--duration", type=number(0.0, above=True), help="so much of it [s] (default: all)")
 
 
-def _labelled(form: str) -> Callable[[str], tuple[str, tuple[float, ...]]]:
-    """Return an argparse type: numbers as in `form`, such as ``X,Y``, perhaps after ``ID=``."""
-    count = form.count(",") + 1
-
-    def parse(text: str) -> tuple[str, tuple[float, ...]]:
-        name, separator, rest = text.rpartition("=")
-        try:
-            values = tuple(float(part) for part in rest.split(","))
-        except ValueError:
-            values = ()
-        if len(values) != count or not all(map(math.isfinite, values)) or bool(separator) != bool(name):
-            raise argparse.ArgumentTypeError(f"{text!r} is not {form} or ID={form} with finite numbers")
-        return name.strip(), values
-
-    return parse
+def _add_settings(parser: argparse.ArgumentParser, kind: type, rows: Sequence[tuple[str, str, str]]) -> None:
+    """Add positive numbers, (option, name in the settings, help) each; the defaults are those of the settings."""
+    defaults = {field.name: field.default for field in fields(kind)}
+    for flag, name, text in rows:
+        parser.add_argument(flag, dest=name, type=number(0.0, above=True), default=defaults[name], help=text)
 
 
 def _add_import(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -109,27 +89,27 @@ def _add_network(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]
     parser.add_argument("bag", metavar="BAG", type=Path, help="rosbag2 directory, .mcap, .db3 or ROS 1 .bag")
     count = parser.add_mutually_exclusive_group(required=True)
     count.add_argument(
-        "--nodes", metavar="N", type=_whole(1), help="number of nodes", default=argparse.SUPPRESS
+        "--nodes", metavar="N", type=whole(1), help="number of nodes", default=argparse.SUPPRESS
     )
     count.add_argument(
-        "--every", metavar="K", type=_whole(1), help="every K-th scan", default=argparse.SUPPRESS
+        "--every", metavar="K", type=whole(1), help="every K-th scan", default=argparse.SUPPRESS
     )
     parser.add_argument("--out", metavar="SCENE.yaml", type=Path, required=True, help="scene file to write")
     parser.add_argument("--topic", default=SCAN_TOPIC, help="the scans (LaserScan)")
     parser.add_argument("--pose-topic", default=POSE_TOPIC, help="the scanner's pose in the map")
-    parser.add_argument("--robots", metavar="R", type=_whole(0), default=1, help="number of robots")
+    parser.add_argument("--robots", metavar="R", type=whole(0), default=1, help="number of robots")
     parser.add_argument(
-        "--seed", type=_whole(0), default=defaults["seed"], help="of starts, targets and the run"
+        "--seed", type=whole(0), default=defaults["seed"], help="of starts, targets and the run"
     )
-    for flag, name, text in (
+    rows = (
         ("--range-cut", "range_cut", "longer readings are free only up to this range [m]"),
         ("--speed", "speed", "of the robots [m/s]"),
         ("--max-turn-rate", "max_turn_rate", "of the robots [rad/s]"),
         ("--radius", "radius", "of the robots [m]"),
         ("--safety-margin", "safety_margin", "from a robot's centre to any obstacle [m]"),
         ("--sampling-interval", "sampling_interval", "between two decisions [s]"),
-    ):
-        parser.add_argument(flag, type=_number(0.0, above=True), default=defaults[name], help=text)
+    )
+    _add_settings(parser, NetworkSettings, rows)
     parser.set_defaults(func=_deferred("run_network"))
 
 
@@ -146,14 +126,14 @@ def _add_evaluation(subparsers: argparse._SubParsersAction[argparse.ArgumentPars
     defaults = EvaluationSettings()
     parser.add_argument("logs", metavar="LOG", type=Path, nargs="+", help="CARMEN log, .log or .log.gz")
     parser.add_argument(
-        "--nodes", metavar="N", type=_whole(1), default=defaults.nodes, help="nodes a building"
+        "--nodes", metavar="N", type=whole(1), default=defaults.nodes, help="nodes a building"
     )
     parser.add_argument(
-        "--pairs", metavar="P", type=_whole(1), default=defaults.pairs, help="routes a building"
+        "--pairs", metavar="P", type=whole(1), default=defaults.pairs, help="routes a building"
     )
-    parser.add_argument("--seed", type=_whole(0), default=defaults.network.seed, help="of starts and targets")
+    parser.add_argument("--seed", type=whole(0), default=defaults.network.seed, help="of starts and targets")
     parser.add_argument("--out", metavar="DIR", type=Path, default=Path("runs/evaluate-logs"), help="results")
-    parser.add_argument("--jobs", metavar="J", type=_whole(1), default=2, help="processes")
+    parser.add_argument("--jobs", metavar="J", type=whole(1), default=2, help="processes")
     parser.set_defaults(func=_deferred("run_evaluation"))
 
 
@@ -170,14 +150,7 @@ def _add_replay(subparsers: argparse._SubParsersAction[argparse.ArgumentParser])
     parser._negative_number_matcher = re.compile(r"-[\d.]")  # type: ignore[attr-defined] # "-1,2" is no option
     suppress = argparse.SUPPRESS
     parser.add_argument("bag", metavar="BAG", type=Path, help="ROS 1 .bag, rosbag2 directory, .mcap or .db3")
-    parser.add_argument(
-        "--sensors",
-        metavar="FILE",
-        type=Path,
-        required=True,
-        default=suppress,
-        help="topics and poses, YAML or JSON",
-    )
+    _add_sensors_file(parser)
     for option, form, text in (
         ("--robot", "X,Y,HEADING_DEG", "where a robot starts [m, degrees]; repeat for more"),
         ("--goal", "X,Y", "where it shall go [m], in the order of the robots or by id"),
@@ -185,7 +158,7 @@ def _add_replay(subparsers: argparse._SubParsersAction[argparse.ArgumentParser])
         parser.add_argument(
             option,
             metavar=f"[ID=]{form}",
-            type=_labelled(form),
+            type=labelled(form),
             action="append",
             required=True,
             default=suppress,
@@ -196,27 +169,25 @@ def _add_replay(subparsers: argparse._SubParsersAction[argparse.ArgumentParser])
         "--to-and-fro", action="store_true", help="turn back at the goal, until the recording ends"
     )
     then.add_argument("--stay", action="store_true", help="stand at the goal until the recording ends")
-    for flag, name, text in (
+    rows = (
         ("--radius", "radius", "of the robots [m]"),
         ("--speed", "speed", "of the robots [m/s]"),
         ("--turn-rate", "max_turn_rate", "of the robots [rad/s]"),
         ("--boundary-speed", "boundary_speed", "nobody is faster; robots must be [m/s]"),
         ("--margin", "safety_margin", "from a robot's centre to what is not known to be free [m]"),
         ("--interval", "sampling_interval", "between two decisions [s]"),
-    ):
-        parser.add_argument(flag, dest=name, type=_number(0.0, above=True), default=defaults[name], help=text)
-    parser.add_argument(
-        "--window", dest="time_window", type=_whole(1), default=defaults["time_window"], help="in intervals"
     )
-    parser.add_argument("--start", type=_number(0.0), default=0.0, help="from the start of the recording [s]")
-    parser.add_argument("--duration", type=_number(0.0, above=True), help="so much of it [s] (default: all)")
+    _add_settings(parser, ReplaySettings, rows)
+    parser.add_argument(
+        "--window", dest="time_window", type=whole(1), default=defaults["time_window"], help="in intervals"
+    )
+    _add_part(parser)
     parser.add_argument("--out", metavar="DIR", type=Path, help="run directory (default: runs/BAG-DATE-TIME)")
     parser.add_argument("--no-figures", action="store_true", help="draw nothing")
     parser.set_defaults(func=_deferred("run_replay"), control_period=defaults["control_period"])
 
 
 def _add_tracks(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    defaults = {field.name: field.default for field in fields(TracksSettings)}
     parser = subparsers.add_parser(
         "tracks",
         help="track whoever moves in recorded scans",
@@ -225,24 +196,16 @@ def _add_tracks(subparsers: argparse._SubParsersAction[argparse.ArgumentParser])
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )
     parser.add_argument("bag", metavar="BAG", type=Path, help="ROS 1 .bag, rosbag2 directory, .mcap or .db3")
-    parser.add_argument(
-        "--sensors",
-        metavar="FILE",
-        type=Path,
-        required=True,
-        default=argparse.SUPPRESS,
-        help="topics and poses, YAML or JSON",
-    )
-    for flag, name, text in (
+    _add_sensors_file(parser)
+    rows = (
         ("--interval", "sampling_interval", "between two measurements [s]"),
         ("--window", "window", "a velocity is fitted to so long [s]"),
         ("--top-speed", "top_speed", "nobody is faster [m/s]"),
         ("--range-noise", "range_noise", "standard deviation of a range [m]"),
         ("--free-depth", "free_depth", "deeper in what was free before, a return is a sign of motion [m]"),
-    ):
-        parser.add_argument(flag, dest=name, type=_number(0.0, above=True), default=defaults[name], help=text)
-    parser.add_argument("--start", type=_number(0.0), default=0.0, help="from the start of the recording [s]")
-    parser.add_argument("--duration", type=_number(0.0, above=True), help="so much of it [s] (default: all)")
+    )
+    _add_settings(parser, TracksSettings, rows)
+    _add_part(parser)
     parser.add_argument(
         "--out", metavar="DIR", type=Path, help="directory of results (default: runs/BAG-tracks)"
     )
@@ -261,7 +224,6 @@ def _add_windows(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]
     )
     parser.add_argument("bag", metavar="BAG", type=Path, help="rosbag2 directory, .mcap, .db3 or ROS 1 .bag")
     parser.add_argument("--robot", metavar="ID", required=True, help="its name")
-    parser.add_argument("--start", type=_number(0.0), default=0.0, help="from the start of the recording [s]")
-    parser.add_argument("--duration", type=_number(0.0, above=True), help="so much of it [s] (default: all)")
+    _add_part(parser)
     parser.add_argument("--out", metavar="FILE.png", type=Path, help="draw (default: nothing is drawn)")
     parser.set_defaults(func=_deferred("run_windows"))

@@ -183,7 +183,7 @@ def test_truncated_bags(
             (*ROBOT, "--interval", "0.12"),
             "sampling interval 0.12 s is no multiple of the control period 0.05 s",
         ),
-        ((*ROBOT, "--window", "0"), "0 must be at least 1"),
+        ((*ROBOT, "--window", "0"), "'0' is no whole number of at least 1"),
         ((*ROBOT, "--radius", "nan"), "nan must be above 0"),
         (("--robot", "1,2,0", "--robot", "3,2,0", "--goal", "2,2"), "robot 'robot_2' has no goal"),
         ((*ROBOT, "--goal", "3,3"), "2 goals for 1 robots; give every goal a --robot"),
