@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from snnav_core.area.agreement import agree, cut_returns
 from snnav_core.area.hiding import RobotHiding
 from snnav_core.area.history import SeenHistory
-from snnav_core.area.intake import TIME_TOLERANCE, check_clock, is_repeated, same_ranges
+from snnav_core.area.intake import TIME_TOLERANCE, check_clock, same_ranges, scan_intake
 from snnav_core.area.memory import remember
 from snnav_core.area.overlay import union_all
 from snnav_core.area.planar import LostPart, UnoccupiedArea, as_multipolygon, shrink
@@ -55,6 +55,7 @@ class AreaFusion:
         if not sensors or len(self.sensors) != len(sensors):
             raise InvalidInput(f"sensors {[s.id for s in sensors]}: need at least one, and different ids")
         self.settings = settings or FusionSettings()
+        self._intakes = {sensor.id: scan_intake(sensor) for sensor in sensors}
         nothing_moves = self.settings.boundary_speed == 0.0
         self._robots = RobotHiding(robots, self.settings.robot_tolerance, keeps_lengths=nothing_moves)
         self._robots_are_seen = any(sensor.settings.sees_robots for sensor in sensors)
@@ -98,7 +99,8 @@ class AreaFusion:
             raise InvalidInput(f"scan of unknown sensor {sensor_id!r}; known: {sorted(self.sensors)}")
         last = self._latest.get(sensor_id)
         before = None if last is None else last[0]
-        if is_repeated(sensor, scan, before, now, self.settings.clock_tolerance) and last is not None:
+        intake, tolerance = self._intakes[sensor_id], self.settings.clock_tolerance
+        if intake.is_repeated(scan, before, now, tolerance) and last is not None:
             return last[1]
         if last is not None and same_ranges(last[0], scan):
             detected = last[1]

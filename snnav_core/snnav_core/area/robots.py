@@ -1,4 +1,4 @@
-"""Where robots were when floor-level sensors saw them (deviation C3-6)."""
+"""Where robots were when sensors saw them, in the plane or in space (deviation C3-6, C4-23)."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections import deque
 import numpy as np
 
 from snnav_core.errors import InvalidInput
+from snnav_core.flight_types import FlyerState
 from snnav_core.types import FloatArray, Pose2D, RobotSpec
 
 __all__ = ["LONGEST_EXTRAPOLATION", "LONGEST_GAP", "RobotTrack"]
@@ -38,8 +39,8 @@ class RobotTrack:
     def __init__(self, robot: RobotSpec) -> None:
         self.robot = robot
         self._stamps: deque[float] = deque(maxlen=_STATES)
-        self._poses: deque[Pose2D] = deque(maxlen=_STATES)
-        self._speed = 0.0
+        self._places: deque[FloatArray] = deque(maxlen=_STATES)
+        self._speed, self._ahead = 0.0, np.zeros(0)
 
     @property
     def last_stamp(self) -> float | None:
@@ -49,7 +50,7 @@ class RobotTrack:
     def clear(self) -> None:
         """Forget all states, as after a jump of time."""
         self._stamps.clear()
-        self._poses.clear()
+        self._places.clear()
 
     def add(self, stamp: float, pose: Pose2D, speed: float = 0.0) -> None:
         """Take the state of the robot at `stamp` [s]; one with the stamp of the last state replaces it.
@@ -73,6 +74,19 @@ class RobotTrack:
                 f"robot {self.robot.id!r}: state at {stamp} s with {pose} and speed {speed} m/s is not finite; "
                 "check its odometry"
             )
+        ahead = np.array([math.cos(pose.heading), math.sin(pose.heading)])
+        self._append(stamp, pose.position, ahead, speed)
+
+    def add_flyer(self, state: FlyerState) -> None:
+        """Take the state of a flying robot; the same as `add`."""
+        if not (math.isfinite(state.stamp) and math.isfinite(state.speed)):
+            raise InvalidInput(
+                f"robot {self.robot.id!r}: state at {state.stamp} s with speed {state.speed} m/s is not finite; "
+                "check its odometry"
+            )
+        self._append(state.stamp, state.position, state.direction, state.speed)
+
+    def _append(self, stamp: float, place: FloatArray, ahead: FloatArray, speed: float) -> None:
         last = self.last_stamp
         if last is not None and stamp < last - _SAME_TIME:
             raise InvalidInput(
@@ -80,13 +94,13 @@ class RobotTrack:
             )
         if last is not None and stamp <= last + _SAME_TIME:
             self._stamps.pop()
-            self._poses.pop()
+            self._places.pop()
         self._stamps.append(stamp)
-        self._poses.append(pose)
-        self._speed = speed
+        self._places.append(place)
+        self._speed, self._ahead = speed, ahead
 
     def position(self, stamp: float) -> FloatArray | None:
-        """Position (2,) [m, map] of the robot at a time [s], or None where it is unknown, see `place`."""
+        """Position (2,) or (3,) [m, map] of the robot at a time [s], or None where it is unknown, see `place`."""
         found = self.place(stamp)
         return None if found is None else found[0]
 
@@ -100,7 +114,7 @@ class RobotTrack:
 
         Returns
         -------
-        (ndarray (2,), float) or None
+        (ndarray (2,) or (3,), float) or None
             Between two states no more than `LONGEST_GAP` apart: interpolated linearly, 0 m. Up to
             `LONGEST_EXTRAPOLATION` after the last state: straight on at its speed, and the way that the robot may have
             driven since, in case it stopped or turned [m]. None for any other time.
@@ -110,21 +124,19 @@ class RobotTrack:
         after = bisect_left(self._stamps, stamp - _SAME_TIME)
         if after == len(self._stamps):
             return self._extrapolated(stamp)
-        later = self._poses[after]
+        later = self._places[after]
         if self._stamps[after] <= stamp + _SAME_TIME:
-            return later.position, 0.0
+            return later, 0.0
         gap = self._stamps[after] - self._stamps[after - 1] if after else math.inf
         if gap > LONGEST_GAP + _SAME_TIME:
             return None
         share = (stamp - self._stamps[after - 1]) / gap
-        earlier = self._poses[after - 1].position
-        return earlier + share * (later.position - earlier), 0.0
+        earlier = self._places[after - 1]
+        return earlier + share * (later - earlier), 0.0
 
     def _extrapolated(self, stamp: float) -> tuple[FloatArray, float] | None:
         elapsed = stamp - self._stamps[-1]
         if elapsed > LONGEST_EXTRAPOLATION + _SAME_TIME:
             return None
-        pose = self._poses[-1]
-        ahead = np.array([math.cos(pose.heading), math.sin(pose.heading)])
         fastest = max(abs(self._speed), self.robot.speed)
-        return pose.position + elapsed * self._speed * ahead, elapsed * fastest
+        return self._places[-1] + elapsed * self._speed * self._ahead, elapsed * fastest

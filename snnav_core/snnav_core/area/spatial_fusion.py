@@ -43,6 +43,8 @@ class SpatialFusionSettings:
         Clearances beyond it are not told apart [m].
     robot_pad : float or None
         By how much the sphere of a robot is grown when its returns are taken out [m]; a diagonal of a cell by default.
+    clock_tolerance : float
+        Every image counts as this much older than its stamp says [s].
 
     Raises
     ------
@@ -57,14 +59,22 @@ class SpatialFusionSettings:
     range_accuracy: float = 0.0
     reach: float = 2.0
     robot_pad: float | None = None
+    clock_tolerance: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("boundary_speed", "range_accuracy", "reach"):
+        for name in ("boundary_speed", "range_accuracy", "reach", "clock_tolerance"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise InvalidInput(f"spatial fusion: {name} is {value}, must be a number of at least 0")
+        if self.robot_pad is not None and not (math.isfinite(self.robot_pad) and self.robot_pad >= 0.0):
+            raise InvalidInput(f"spatial fusion: robot_pad is {self.robot_pad}, must be a number of at least 0")
         if self.walls is not None and self.walls.shape != self.grid.shape:
             raise InvalidInput(f"spatial fusion: walls have shape {self.walls.shape}, not {self.grid.shape}")
+
+    @property
+    def pad(self) -> float:
+        """By how much the sphere of a robot is grown when its returns are taken out [m]."""
+        return 2.0 * self.grid.half_diagonal if self.robot_pad is None else self.robot_pad
 
 
 @dataclass
@@ -106,7 +116,8 @@ class SpatialFusion:
     Deviations: the union of what the cameras saw, not the intersection (C4-1); memory, as in the plane (C3-5): a ball
     that was free shrinks at V_max; known walls do not grow (C4-2): where a ray reached one, nothing else is in it.
     What cannot be measured between two rays is taken off: corners of a right angle or blunter, and the accuracy of
-    the ranges.
+    the ranges. An image counts for what it is worth at its own stamp, also one that comes after newer ones of other
+    cameras: its balls have shrunk then.
     """
 
     def __init__(self, cameras: Sequence[DepthCamera], settings: SpatialFusionSettings) -> None:
@@ -127,7 +138,8 @@ class SpatialFusion:
     def reset(self) -> None:
         """Forget everything that was seen."""
         self._memory = np.zeros(self.settings.grid.shape, dtype=np.float32)
-        self._time = -math.inf
+        self._time = -math.inf  # of the last area
+        self._seen = -math.inf  # what is remembered holds then: the newest stamp that is part of it
         self._glances: list[_Glance] = []
         for eye in self._eyes.values():
             eye.last_stamp = -math.inf
@@ -147,7 +159,7 @@ class SpatialFusion:
         InvalidInput
             If the camera is unknown, or the robots are not finite (K, 4).
         ScanError
-            If the image has not the size of the camera, or is not newer than the last one of it or than the area.
+            If the image has not the size of the camera, or is not newer than the last one of it.
         """
         eye = self._eyes.get(camera_id)
         if eye is None:
@@ -156,11 +168,6 @@ class SpatialFusion:
         if image.stamp <= eye.last_stamp:
             raise ScanError(
                 f"camera {camera_id!r}: image of {image.stamp:.3f} s came after that of {eye.last_stamp:.3f} s; "
-                "left out"
-            )
-        if image.stamp < self._time - _SAME_STAMP:
-            raise ScanError(
-                f"camera {camera_id!r}: image of {image.stamp:.3f} s is older than the area of {self._time:.3f} s; "
                 "left out"
             )
         spheres = np.empty((0, 4)) if robots is None else np.array(robots, dtype=np.float64).reshape(-1, 4)
@@ -203,39 +210,43 @@ class SpatialFusion:
             stamp = due[0].image.stamp
             group = [one for one in due if one.image.stamp <= stamp + _SAME_STAMP]
             due = due[len(group) :]
-            self._age(stamp)
-            self._see(group)
-        self._age(time)
-        return SpatialArea(time, self.settings.grid, self._memory.copy(), self._static)
-
-    def _age(self, time: float) -> None:
-        """Let what is remembered shrink until a time."""
-        passed = time - self._time
-        if math.isfinite(passed) and passed > 0.0 and self.settings.boundary_speed > 0.0:
-            shrunk = self._memory - np.float32(passed * self.settings.boundary_speed)
-            self._memory = np.maximum(shrunk, np.float32(0.0))
+            self._see(group, stamp)
         self._time = max(self._time, time)
+        if not math.isfinite(self._seen):
+            self._seen = time
+        left = self._shrunk(time - self._seen + self.settings.clock_tolerance)
+        return SpatialArea(time, self.settings.grid, left, self._static)
 
-    def _see(self, glances: Sequence[_Glance]) -> None:
-        """Carve the images of one instant and measure the clearance of all that is free now."""
-        grid = self.settings.grid
-        free = (self._memory >= np.float32(grid.half_diagonal)).astype(np.uint8)
+    def _shrunk(self, passed: float) -> NDArray[np.float32]:
+        """Return what is left of the memory after a time [s]."""
+        way = passed * self.settings.boundary_speed
+        if not (math.isfinite(way) and way > 0.0):
+            return self._memory.copy()
+        return np.maximum(self._memory - np.float32(way), np.float32(0.0))
+
+    def _see(self, glances: Sequence[_Glance], stamp: float) -> None:
+        """Take the images of one instant [s] in: at its stamp, or in what is remembered of a later one."""
+        half = np.float32(self.settings.grid.half_diagonal)
+        if stamp >= self._seen:
+            self._memory = self._shrunk(stamp - self._seen)
+            self._seen = stamp
+            seen = self._clearance(glances, (self._memory >= half).astype(np.uint8))
+        else:  # what is free now says nothing of then: the images stand alone
+            seen = self._clearance(glances, np.zeros(self._memory.shape, dtype=np.uint8))
+            seen -= np.float32((self._seen - stamp) * self.settings.boundary_speed)
+        self._memory = np.maximum(self._memory, seen)
+
+    def _clearance(self, glances: Sequence[_Glance], free: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """Carve images out of the cells that are not yet `free` and measure the clearance of all that are."""
+        settings, grid = self.settings, self.settings.grid
         for glance in glances:
-            eye = glance.eye
-            eye.carver.carve(self._free_up_to(glance), free)
-            _free_spheres(free, grid, glance.spheres, self._pad)
+            glance.eye.carver.carve(self._free_up_to(glance), free)
+            _free_spheres(free, grid, glance.spheres, settings.pad)
         solid = ((free == 0) & (self._walls == 0)).astype(np.uint8)
-        if not self.settings.walled_in:
-            solid = np.pad(solid, 1, constant_values=1)
-        clearance, _ = distance_to_cells(solid, grid.spacing, self.settings.reach)
-        if not self.settings.walled_in:
-            clearance = clearance[1:-1, 1:-1, 1:-1]
-        self._memory = np.maximum(self._memory, clearance)
-
-    @property
-    def _pad(self) -> float:
-        given = self.settings.robot_pad
-        return 2.0 * self.settings.grid.half_diagonal if given is None else given
+        if settings.walled_in:
+            return distance_to_cells(solid, grid.spacing, settings.reach)[0]
+        padded = np.pad(solid, 1, constant_values=1)
+        return distance_to_cells(padded, grid.spacing, settings.reach)[0][1:-1, 1:-1, 1:-1]
 
     def _free_up_to(self, glance: _Glance) -> NDArray[np.float32]:
         """Up to where every pixel saw nothing that may move [m]."""
@@ -248,7 +259,7 @@ class SpatialFusion:
         free: NDArray[np.float32] = np.maximum(seen * (np.float32(1.0) - apex) - accuracy, np.float32(0.0))
         if len(glance.spheres):
             measured = glance.image.measured(model)
-            pass_through_robots(free, measured, eye.rays, eye.camera.position, glance.spheres, self._pad)
+            pass_through_robots(free, measured, eye.rays, eye.camera.position, glance.spheres, settings.pad)
         free[reached] = np.maximum(free, eye.behind)[reached]
         return free
 

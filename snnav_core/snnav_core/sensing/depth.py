@@ -250,7 +250,7 @@ class DepthImage:
         ScanError
             If the size of the image is not that of the camera.
         """
-        self._check(model)
+        self.check_size(model)
         inside = (self.ranges >= model.range_min) & (self.ranges <= model.range_max) & (self.ranges > 0.0)
         return np.where(inside, self.ranges, np.nan)
 
@@ -267,7 +267,14 @@ class DepthImage:
             free = np.where(np.isposinf(self.ranges), model.range_max, free)
         return free.astype(np.float32)
 
-    def _check(self, model: CameraModel) -> None:
+    def check_size(self, model: CameraModel) -> None:
+        """Make sure that the image has the size of the camera's.
+
+        Raises
+        ------
+        ScanError
+            With both sizes.
+        """
         if self.ranges.shape != (model.rows, model.columns):
             raise ScanError(
                 f"depth image has {self.ranges.shape[1]} x {self.ranges.shape[0]} pixels, "

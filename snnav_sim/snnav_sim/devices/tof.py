@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Collection
 
 import numpy as np
 
+from snnav_core.area.camera_network import spheres_at
+from snnav_core.area.robots import LONGEST_EXTRAPOLATION, RobotTrack
 from snnav_core.sensing.depth import DepthImage
 from snnav_core.types import FloatArray
 from snnav_sim.devices.noise import generator
