@@ -7,15 +7,16 @@ import time as clock
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from snnav_core.errors import SnnavError
+from snnav_core.area.robots import RobotTrack
+from snnav_core.errors import InvalidInput
 from snnav_core.flight_types import FlyerState
 from snnav_core.navigator.flight import FlightNavigator
 from snnav_core.navigator.flight_settings import FlightDistances
 from snnav_core.planning.adjustment import resample
 from snnav_core.tracking.spatial import SpatialTracker, SpatialTrackerSettings
-from snnav_core.types import FloatArray, PlannedPath, StepResult, Stop, StopReason, TimedPath
+from snnav_core.types import PlannedPath, StepResult, Stop, StopReason, TimedPath
 from snnav_sim.closed_loop import ClosedLoop
-from snnav_sim.configure_flight import flight_settings, make_fusion
+from snnav_sim.configure_flight import flight_settings, make_network
 from snnav_sim.devices.feed import SensorFeed
 from snnav_sim.devices.flyer_base import FlyerBase
 from snnav_sim.devices.tof import DepthDevice
@@ -27,18 +28,15 @@ from snnav_sim.space_world import SpaceWorld
 __all__ = ["FlightSimulation", "curve_of"]
 
 _FINE = 0.01  # [m]; from point to point of a curve before it is cut into links
-_REMEMBERED = 200  # control periods for which it is known where robots were
 
 
 class _Flyer:
-    """One simulated robot: its base, its tracker, where it was."""
+    """One simulated robot: its base and its tracker."""
 
     def __init__(self, entry: FlyerScene, control_period: float) -> None:
         self.entry = entry
         self.base = FlyerBase(entry.state, entry.spec)
         self.tracker = SpatialTracker(entry.spec, SpatialTrackerSettings(), control_period)
-        self.times = [0.0]
-        self.places = [entry.state.position]
 
     def follow(self, decision: PlannedPath | Stop) -> None:
         if isinstance(decision, Stop):
@@ -48,22 +46,10 @@ class _Flyer:
         ahead = state.direction if state.speed > 0.0 else None
         self.tracker.set_path(decision.path, ahead, decision.certificate.valid_until)
 
-    def remember(self, time: float) -> None:
-        self.times.append(time)
-        self.places.append(self.base.state.position)
-        del self.times[:-_REMEMBERED], self.places[:-_REMEMBERED]
-
-    def sphere(self, time: float) -> list[float]:
-        """Centre at a time [s] and radius."""
-        after = int(np.searchsorted(self.times, time))
-        after = min(max(after, 1), len(self.times) - 1) if len(self.times) > 1 else 0
-        if after == 0:
-            place = self.places[0]
-        else:
-            begin, end = self.times[after - 1], self.times[after]
-            share = min(max((time - begin) / (end - begin), 0.0), 1.0)
-            place = (1.0 - share) * self.places[after - 1] + share * self.places[after]
-        return [*place.tolist(), self.entry.radius]
+    def state(self, time: float) -> FlyerState:
+        """Where it is at the present time [s]."""
+        state = self.base.state
+        return FlyerState(state.id, state.position, state.direction, time, state.speed)
 
 
 class FlightSimulation(ClosedLoop[SpaceScene, FlightRecord]):
@@ -85,19 +71,21 @@ class FlightSimulation(ClosedLoop[SpaceScene, FlightRecord]):
         super().__init__(scene, FlightRecord(scene.seed if seed is None else seed))
         self.world = SpaceWorld(scene)
         self._flyers = {robot.id: _Flyer(robot, scene.control_period) for robot in scene.robots}
+        self._tracks = {robot.id: RobotTrack(robot.spec) for robot in scene.robots}
         self._feeds = [
             SensorFeed(
-                DepthDevice(sensor, self.world, self.seed, self._spheres),
+                DepthDevice(sensor, self.world, self.seed, self._tracks.values()),
                 scene.scan_period(sensor),
                 self.seed,
             )
             for sensor in scene.sensors
         ]
-        self.fusion = make_fusion(scene)
+        self.fusion = make_network(scene)
         planned = [robot for robot in scene.robots if not robot.curve]
         self._settings = flight_settings(scene, self.seed)
         self.navigator = FlightNavigator([robot.spec for robot in planned], self._settings)
         self._goals = {robot.id: np.array(robot.target) for robot in planned}
+        self._tell_states()
 
     def decide(self) -> StepResult:
         """Measure, fuse and plan at the present sampling instant; hand the paths to the trackers."""
@@ -106,8 +94,8 @@ class FlightSimulation(ClosedLoop[SpaceScene, FlightRecord]):
         begin = clock.perf_counter()
         for sensor_id, image in images:
             try:
-                self.fusion.add_image(sensor_id, image, self._spheres(image.stamp))
-            except SnnavError as error:
+                self.fusion.add_image(sensor_id, image, time)
+            except InvalidInput as error:
                 self.record.add_rejection(sensor_id, str(error))
         area = self.fusion.area(time)
         fused = clock.perf_counter()
@@ -124,16 +112,14 @@ class FlightSimulation(ClosedLoop[SpaceScene, FlightRecord]):
         time = self.time
         self._tick += 1
         for name, flyer in self._flyers.items():
-            state = FlyerState(
-                name, flyer.base.state.position, flyer.base.state.direction, time, flyer.base.state.speed
-            )
+            state = flyer.state(time)
             command = flyer.tracker.command(state, time)
             flyer.base.apply(command, self.scene.control_period)
             self.record.add_flight(name, time, state, flyer.base.command)
             if command.speed > 0.0:
                 tracker = flyer.tracker
                 self.record.add_error(name, time, tracker.distance_error, tracker.angle_error)
-            flyer.remember(self.time)
+        self._tell_states()
 
     def _along_curve(self, name: str, time: float) -> Stop | None:
         """Hand a robot the curve that its scene gives it, once; return a stop when it is through."""
@@ -151,11 +137,12 @@ class FlightSimulation(ClosedLoop[SpaceScene, FlightRecord]):
         self.record.decisions.append(Decision.of(time, stop))
         return stop
 
-    def _spheres(self, time: float) -> FloatArray:
-        """Where the robots are at a time [s], (K, 4); nowhere at time 0."""
-        if time <= 0.0:
-            return np.zeros((0, 4))
-        return np.array([flyer.sphere(time) for flyer in self._flyers.values()]).reshape(-1, 4)
+    def _tell_states(self) -> None:
+        """Let cameras and fusion know where the robots are."""
+        for name, flyer in self._flyers.items():
+            state = flyer.state(self.time)
+            self._tracks[name].add_flyer(state)
+            self.fusion.add_state(state)
 
 
 def curve_of(robot: FlyerScene, distances: FlightDistances, time: float) -> TimedPath:

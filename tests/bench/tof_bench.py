@@ -6,7 +6,9 @@ import numpy as np
 import trimesh
 from harness import Row, repeat
 
-from snnav_core.types import FloatArray
+from snnav_core.area.robots import RobotTrack
+from snnav_core.flight_types import FlyerState
+from snnav_core.types import FloatArray, RobotSpec
 from snnav_sim.devices.tof import DepthDevice
 from snnav_sim.raycast3d import cast_boxes, mesh_caster
 from snnav_sim.scene_types import Circle
@@ -43,13 +45,22 @@ def per_second(what: str, times: FloatArray, peer: bool = False) -> Row:
     return Row(what, f"{rate:,.0f} images/s", 1.0 / rate, limit, not peer and rate < DEMANDED, peer)
 
 
+def robots() -> list[RobotTrack]:
+    """Two robots that hover."""
+    tracks = []
+    for name, place in (("one", (5.0, 5.0, 1.5)), ("two", (8.0, 6.0, 2.0))):
+        tracks.append(RobotTrack(RobotSpec(name, 0.2, 0.7, 2.0)))
+        for stamp in np.arange(0.0, 200.0, 2.0).tolist():
+            tracks[-1].add_flyer(FlyerState(name, np.array(place), np.array([1.0, 0.0, 0.0]), stamp))
+    return tracks
+
+
 def rows() -> list[Row]:
     """Measure; all must see the same."""
     world = SpaceWorld(scene())
     camera = world.scene.sensors[0].camera
     rays = np.ascontiguousarray((camera.model.rays() @ camera.rotation.T).reshape(-1, 3))
-    robots = np.array([[5.0, 5.0, 1.5, 0.2], [8.0, 6.0, 2.0, 0.2]])
-    device = DepthDevice(world.scene.sensors[0], world, 1, lambda time: robots)
+    device = DepthDevice(world.scene.sensors[0], world, 1, robots())
     stamps = iter(range(10_000))
     mesh = trimesh.util.concatenate(
         [trimesh.creation.box(bounds=[box[:3], box[3:]]) for box in world.boxes.tolist()]

@@ -67,7 +67,9 @@ class SpatialFusionSettings:
             if not (math.isfinite(value) and value >= 0.0):
                 raise InvalidInput(f"spatial fusion: {name} is {value}, must be a number of at least 0")
         if self.robot_pad is not None and not (math.isfinite(self.robot_pad) and self.robot_pad >= 0.0):
-            raise InvalidInput(f"spatial fusion: robot_pad is {self.robot_pad}, must be a number of at least 0")
+            raise InvalidInput(
+                f"spatial fusion: robot_pad is {self.robot_pad}, must be a number of at least 0"
+            )
         if self.walls is not None and self.walls.shape != self.grid.shape:
             raise InvalidInput(f"spatial fusion: walls have shape {self.walls.shape}, not {self.grid.shape}")
 
@@ -222,7 +224,8 @@ class SpatialFusion:
         way = passed * self.settings.boundary_speed
         if not (math.isfinite(way) and way > 0.0):
             return self._memory.copy()
-        return np.maximum(self._memory - np.float32(way), np.float32(0.0))
+        left: NDArray[np.float32] = np.maximum(self._memory - np.float32(way), np.float32(0.0))
+        return left
 
     def _see(self, glances: Sequence[_Glance], stamp: float) -> None:
         """Take the images of one instant [s] in: at its stamp, or in what is remembered of a later one."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -78,16 +79,24 @@ class CameraModel:
 
     def rays(self) -> FloatArray:
         """Unit vectors of all pixels in the camera frame (x forward, y left, z up), shape (rows, columns, 3)."""
-        left = -(np.arange(self.columns) - self.column_centre) * self.column_step
-        up = -(np.arange(self.rows) - self.row_centre) * self.row_step
-        if self.kind == "equal_angle":
-            azimuth, elevation = np.meshgrid(left, up)
-            level = np.cos(elevation)
-            return np.stack((level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)), axis=-1)
+        return _rays(self)
+
+
+@lru_cache(maxsize=64)
+def _rays(model: CameraModel) -> FloatArray:
+    """Return the rays of a model; they are needed for every image, and must not be written to."""
+    left = -(np.arange(model.columns) - model.column_centre) * model.column_step
+    up = -(np.arange(model.rows) - model.row_centre) * model.row_step
+    if model.kind == "equal_angle":
+        azimuth, elevation = np.meshgrid(left, up)
+        level = np.cos(elevation)
+        rays = np.stack((level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)), axis=-1)
+    else:
         sideways, upwards = np.meshgrid(left, up)
         rays = np.stack((np.ones_like(sideways), sideways, upwards), axis=-1)
-        unit: FloatArray = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
-        return unit
+        rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+    rays.setflags(write=False)
+    return rays
 
 
 def equal_angle(

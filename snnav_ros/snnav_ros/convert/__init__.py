@@ -15,6 +15,12 @@ from snnav_ros.convert.area import (
     rings_from_message,
     rings_to_message,
 )
+from snnav_ros.convert.depth_cloud import (
+    image_from_message,
+    image_to_message,
+    is_no_cloud,
+    no_cloud_to_message,
+)
 from snnav_ros.convert.frames import MAP_FRAME, check_frame, yaw_from_message, yaw_to_message
 from snnav_ros.convert.grid import area_to_grid
 from snnav_ros.convert.lost import lost_from_message, lost_to_message
@@ -58,12 +64,16 @@ __all__ = [
     "check_frame",
     "goal_from_message",
     "grid_points",
+    "image_from_message",
+    "image_to_message",
+    "is_no_cloud",
     "is_nothing",
     "is_spatial_area",
     "lost_from_message",
     "lost_to_message",
     "nanoseconds",
     "nanoseconds_from_stamp",
+    "no_cloud_to_message",
     "nothing_to_message",
     "obstacles_from_message",
     "obstacles_to_markers",

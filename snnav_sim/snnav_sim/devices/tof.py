@@ -7,7 +7,7 @@ from collections.abc import Collection
 import numpy as np
 
 from snnav_core.area.camera_network import spheres_at
-from snnav_core.area.robots import LONGEST_EXTRAPOLATION, RobotTrack
+from snnav_core.area.robots import RobotTrack
 from snnav_core.sensing.depth import DepthImage
 from snnav_core.types import FloatArray
 from snnav_sim.devices.noise import generator
@@ -15,10 +15,7 @@ from snnav_sim.raycast3d import cast_spheres
 from snnav_sim.space_types import DepthSensor
 from snnav_sim.space_world import SpaceWorld
 
-__all__ = ["TOF_ACCURACY", "DepthDevice", "Whereabouts"]
-
-Whereabouts = Callable[[float], FloatArray]
-"""Spheres of the robots at a time [s]: (K, 4), centres and radii [m, map]."""
+__all__ = ["TOF_ACCURACY", "DepthDevice"]
 
 _DEVIATION = 0.005  # [m]
 _CUT = 4.0  # deviations
@@ -37,18 +34,20 @@ class DepthDevice:
     sensor : DepthSensor
     world : SpaceWorld
     seed : int
-    robots : callable, optional
-        Where robots are; they are seen like any other body.
+    robots : collection of RobotTrack
+        Where robots are; they are seen like any other body, as far as it is known where they were. The first image, at
+        time 0, is taken before they are put into the room: it shows what is behind them.
 
     Notes
     -----
     Radial ranges as REP 117 has them: +inf where nothing is within reach, -inf where a surface is nearer than
     `range_min`, NaN for a lost pixel. The noise is normal and cut off at four deviations of 5 mm. A device with
-    `wrap` cannot tell a range from one that is longer by it: it shows the rest, which is never too far.
+    `wrap` cannot tell a range from one that is longer by it: it shows the rest, which is never too far. Ranges are
+    rounded to single precision: a message carries them unchanged.
     """
 
     def __init__(
-        self, sensor: DepthSensor, world: SpaceWorld, seed: int, robots: Whereabouts | None = None
+        self, sensor: DepthSensor, world: SpaceWorld, seed: int, robots: Collection[RobotTrack] = ()
     ) -> None:
         self.sensor = sensor
         self._world, self._seed, self._robots = world, seed, robots
@@ -73,12 +72,13 @@ class DepthDevice:
         if sensor.drop_out > 0.0:
             draws = generator(self._seed, sensor.id, _DROP_OUT_STREAM, number)
             ranges[draws.random(len(ranges)) < sensor.drop_out] = np.nan
-        return DepthImage(round(time, 9), ranges.reshape(sensor.rows, sensor.columns))
+        single = ranges.astype(np.float32).astype(np.float64)
+        return DepthImage(round(time, 9), single.reshape(sensor.rows, sensor.columns))
 
     def true_ranges(self, time: float) -> FloatArray:
         """Return exact ranges of all pixels at a time [s], row by row, (rows * columns,) [m]."""
         ranges = self._still.copy()
         self._world.shorten(self._origin, self._rays, time, ranges)
-        if self._robots is not None:
-            cast_spheres(self._origin, self._rays, self._robots(time), ranges)
+        if self._robots and time > 0.0:
+            cast_spheres(self._origin, self._rays, spheres_at(self._robots, time, np.inf), ranges)
         return ranges
