@@ -142,11 +142,13 @@ def _weighed(
         memory = _with_progress(memory, decision, attempt.distances.stride)
     away = (_kept(attempt, last) or turn_on(attempt, last.plan)) if last.evading else None
     if attempt.forecast is not None:
-        disks, hurried = standing(attempt, parked=False), memory.hurry > 0
-        decision, evading = weigh(attempt, attempt.forecast, decision, away, disks, hurried)
+        disks = standing(attempt, parked=False)
+        decision, evading = weigh(
+            attempt, attempt.forecast, decision, away, disks, _hurries(attempt, memory, decision)
+        )
         return decision, replace(memory, evading=evading)
     if isinstance(decision, PlannedPath) and (
-        memory.hurry > 0 or attempt.is_full(decision) or not closes(attempt, decision)
+        attempt.is_full(decision) or not closes(attempt, decision) or _hurries(attempt, memory, decision)
     ):
         return decision, memory
     if may_stand(attempt):
@@ -159,6 +161,11 @@ def _weighed(
     if away is None or (isinstance(decision, PlannedPath) and better(decision, away) is decision):
         return decision, memory
     return away, replace(memory, evading=True)
+
+
+def _hurries(attempt: Attempt, memory: RobotMemory, decision: PlannedPath | Stop) -> bool:
+    """Whether to go on whatever may come nearer: not up to the end of a window, where no way out is left."""
+    return memory.hurry > 0 and isinstance(decision, PlannedPath) and attempt.is_lasting(decision)
 
 
 def _with_progress(memory: RobotMemory, plan: PlannedPath, stride: float) -> RobotMemory:

@@ -79,12 +79,12 @@ def test_waiting_is_not_counted(closed_loop: Callable[..., Any]) -> None:
 
 def test_going_back_all_the_way_is_no_standstill(closed_loop: Callable[..., Any]) -> None:
     """The door shuts in front of the robot: it goes back where it came from, for longer than it may get nowhere."""
-    long_hall = shapely.box(0.0, 0.0, 26.0, 6.0)
-    wall = shapely.box(3.0, 2.8, 26.0, 3.2)
-    hole = shapely.box(23.0, 2.8, 25.0, 3.2)
+    long_hall = shapely.box(0.0, 0.0, 30.0, 4.0)
+    wall = shapely.box(3.0, 1.6, 30.0, 2.0)
+    hole = shapely.box(27.0, 1.6, 29.0, 2.0)
 
     def area_at(time: float) -> UnoccupiedArea:
-        shut = time >= 30.0
+        shut = time >= 40.0
         free = long_hall.difference(wall) if shut else long_hall.difference(wall).union(hole)
         return UnoccupiedArea(time, as_multipolygon(free))
 
@@ -92,8 +92,8 @@ def test_going_back_all_the_way_is_no_standstill(closed_loop: Callable[..., Any]
     log = closed_loop(
         GroundNavigator([robot], SETTINGS),
         area_at,
-        {"cart": Pose2D(6.0, 1.5, 0.0)},
-        {"cart": (10.0, 4.5)},
+        {"cart": Pose2D(6.0, 0.8, 0.0)},
+        {"cart": (28.0, 3.0)},
         300.0,
     )
     reasons = log.reasons("cart")

@@ -47,6 +47,22 @@ def test_several_robots_keep_their_margin() -> None:
     check([campaign_run("multi", seed) for seed in FEWEST[:6]])
 
 
+def test_a_robot_in_a_hurry_does_not_drive_into_the_end_of_its_window() -> None:
+    """Somebody comes into a passage that the robot has begun: it goes on to where it may stand, and through later."""
+    robot = campaign_run("dynamic", 1000067)["robots"]["robot_1"]
+    assert (robot["reached"], robot["margin_violations"], robot["walked_into"]) == (True, 0, 0)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("seed", [1000123, 1000195, 1000268, 1000277])
+def test_a_robot_that_gets_nowhere_says_so_before_the_time_limit(seed: int) -> None:
+    """By turns it turned, drove a little and waited at a place hardly wider than the margin."""
+    record = campaign_run("dynamic", seed)
+    check([record])
+    assert record["robots"]["robot_1"]["reason"] == StopReason.NO_PROGRESS.value
+    assert record["duration"] < 280.0
+
+
 @pytest.mark.parametrize("kind", ["static", "dynamic", "multi", "faults"])
 def test_the_scene_that_was_written_gives_the_same_paths(kind: str, tmp_path: Path) -> None:
     seed = FEWEST[0] if kind == "multi" else 3
