@@ -13,6 +13,8 @@ from snnav_core.types import FloatArray
 __all__ = ["FlightCommand", "FlyerState", "direction_of"]
 
 _UNIT_TOLERANCE = 1e-6
+_RESOLUTION = 2.0**-45  # of the components of a direction
+_NO_SMALLER = 1e-9  # a component that is smaller than the largest by no more counts as the largest
 
 
 def direction_of(heading: float, pitch: float) -> FloatArray:
@@ -34,7 +36,22 @@ def _unit(name: str, value: FloatArray) -> FloatArray:
     length = float(np.linalg.norm(vector))
     if abs(length - 1.0) > _UNIT_TOLERANCE:
         raise InvalidInput(f"{name} has length {length:.6g}, must be a unit vector")
-    return vector
+    return _quantised(vector / length)
+
+
+def _quantised(direction: FloatArray) -> FloatArray:
+    """Return a unit vector on a grid of 3e-14: it is the same after a conversion to a quaternion and back.
+
+    All components but the largest are rounded, and that one follows from them.
+    """
+    sizes = np.abs(direction)
+    largest = int(np.argmax(sizes > sizes.max() - _NO_SMALLER))
+    rounded = np.round(direction / _RESOLUTION) * _RESOLUTION
+    rounded[largest] = 0.0
+    rounded[largest] = math.copysign(math.sqrt(1.0 - float(rounded @ rounded)), direction[largest])
+    quantised: FloatArray = rounded + 0.0  # no negative zeros
+    quantised.setflags(write=False)
+    return quantised
 
 
 @dataclass(frozen=True)
@@ -47,7 +64,7 @@ class FlyerState:
     position : array_like, shape (3,)
         [m, map]
     direction : array_like, shape (3,)
-        Unit vector of travel [map].
+        Unit vector of travel [map]; kept to 3e-14, so that it survives a conversion to a quaternion and back.
     stamp : float
         [s]
     speed : float

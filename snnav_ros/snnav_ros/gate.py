@@ -89,6 +89,8 @@ class PathGate:
     robot_id : str
         Whose certificates are taken.
     rules : GateRules
+    in_space : bool
+        Whether paths are those of a flying robot.
 
     Notes
     -----
@@ -97,8 +99,9 @@ class PathGate:
     ahead of the clock is not remembered, so it cannot make good paths look old.
     """
 
-    def __init__(self, robot_id: str, rules: GateRules | None = None) -> None:
+    def __init__(self, robot_id: str, rules: GateRules | None = None, *, in_space: bool = False) -> None:
         self._rules = rules or GateRules()
+        self._in_space = in_space
         self._tolerance = nanoseconds(self._rules.clock_tolerance)
         self._robot = robot_id
         self.reset()
@@ -128,7 +131,7 @@ class PathGate:
         try:
             self._check_ahead(topic, stamp, now)
             self.path_stamp = max(self.path_stamp, stamp)
-            path = path_from_message(message, topic)
+            path = path_from_message(message, topic, in_space=self._in_space)
             if path is not None and self._is_known(topic, stamp, self._path, message, 0):
                 return None
             if path is None or not self._rules.require_certificate:

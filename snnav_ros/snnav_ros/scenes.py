@@ -6,13 +6,13 @@ from functools import lru_cache
 from pathlib import Path
 
 from snnav_ros.parameters import ParameterReader
-from snnav_sim.scene import Scene, SceneError, find_scene, load_scene
+from snnav_sim.scene import AnyScene, Scene, SceneError, find_scene, load_any_scene
 
-__all__ = ["read_scene"]
+__all__ = ["read_planar_scene", "read_scene"]
 
 
-def read_scene(reader: ParameterReader, *, required: bool = False) -> Scene | None:
-    """Declare the parameter `scene` and return the scene it names, or None when it is empty.
+def read_scene(reader: ParameterReader, *, required: bool = False) -> AnyScene | None:
+    """Declare the parameter `scene` and return the scene it names, in the plane or in space, or None when it is empty.
 
     Parameters
     ----------
@@ -39,7 +39,21 @@ def read_scene(reader: ParameterReader, *, required: bool = False) -> Scene | No
         reader.fail("scene", str(error))
 
 
+def read_planar_scene(reader: ParameterReader, *, required: bool = False) -> Scene | None:
+    """The same for a node that serves the plane only.
+
+    Raises
+    ------
+    ParameterError
+        Also if the scene is one in space.
+    """
+    scene = read_scene(reader, required=required)
+    if scene is None or isinstance(scene, Scene):
+        return scene
+    reader.fail("scene", f"{scene.name} is a scene in space; this node serves scenes in the plane")
+
+
 @lru_cache(maxsize=4)
-def _load(path: Path, _: int) -> Scene:
+def _load(path: Path, _: int) -> AnyScene:
     """Read a scene once for all nodes of a process; the time of its last change keeps the memory honest."""
-    return load_scene(path)
+    return load_any_scene(path)

@@ -12,7 +12,7 @@ from nav_msgs.msg import Path as PathMessage
 
 from snnav_core.types import Pose2D
 from snnav_ros import available
-from snnav_ros.convert import yaw_from_message
+from snnav_ros.convert import odometry_to_message, yaw_from_message
 from snnav_ros.nodes.frames import FrameBroadcaster
 
 
@@ -20,6 +20,10 @@ def test_messages_are_made_by_name() -> None:
     message = available.new_message("nav_msgs/Path")
     assert isinstance(message, PathMessage)
     assert available.new_message("geometry_msgs/Point", x=1.5).x == 1.5
+
+
+def pose() -> Any:
+    return odometry_to_message("cart", Pose2D(1.0, 2.0, 0.5), 0.0, 0.0, 0).pose.pose
 
 
 def test_missing_ros_is_one_line_with_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -33,7 +37,7 @@ def test_missing_ros_is_one_line_with_a_remedy(monkeypatch: pytest.MonkeyPatch) 
 
 def test_without_tf2_nothing_is_broadcast(graph: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(available, "find_spec", lambda name: None)
-    FrameBroadcaster(graph.probe, "cart").broadcast(Pose2D(1.0, 2.0, 0.5), 0)
+    FrameBroadcaster(graph.probe, "cart").broadcast(pose(), 0)
 
 
 def test_with_tf2_the_frames_of_a_robot_are_broadcast(graph: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -50,7 +54,7 @@ def test_with_tf2_the_frames_of_a_robot_are_broadcast(graph: Any, monkeypatch: p
     module.__spec__ = ModuleSpec("tf2_ros", None)
     module.TransformBroadcaster = module.StaticTransformBroadcaster = Broadcaster  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "tf2_ros", module)
-    FrameBroadcaster(graph.probe, "cart").broadcast(Pose2D(1.0, 2.0, 0.5), 3 * 10**9)
+    FrameBroadcaster(graph.probe, "cart").broadcast(pose(), 3 * 10**9)
     fixed, moving = sent
     assert (fixed.header.frame_id, fixed.child_frame_id) == ("map", "cart/odom")
     assert (moving.header.frame_id, moving.child_frame_id) == ("cart/odom", "cart/base_link")

@@ -26,7 +26,15 @@ from snnav_ros.convert.grid import area_to_grid
 from snnav_ros.convert.lost import lost_from_message, lost_to_message
 from snnav_ros.convert.markers import obstacles_to_markers
 from snnav_ros.convert.obstacles import OBSTACLE_FIELDS, obstacles_from_message, obstacles_to_message
-from snnav_ros.convert.odometry import goal_from_message, odometry_to_message, state_from_message
+from snnav_ros.convert.odometry import (
+    flight_command_to_message,
+    flight_to_message,
+    flyer_state_from_message,
+    goal_from_message,
+    goal_in_space_from_message,
+    odometry_to_message,
+    state_from_message,
+)
 from snnav_ros.convert.path import path_from_message, path_to_message, stop_to_path
 from snnav_ros.convert.plans import plans_from_message, plans_to_message
 from snnav_ros.convert.returns import RETURN_FIELDS, returns_from_message, returns_to_message
@@ -62,7 +70,11 @@ __all__ = [
     "area_to_grid",
     "area_to_message",
     "check_frame",
+    "flight_command_to_message",
+    "flight_to_message",
+    "flyer_state_from_message",
     "goal_from_message",
+    "goal_in_space_from_message",
     "grid_points",
     "image_from_message",
     "image_to_message",

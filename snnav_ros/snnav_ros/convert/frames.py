@@ -6,11 +6,23 @@ import math
 from collections.abc import Collection, Iterator
 from typing import Any
 
+import numpy as np
+
 from snnav_core.errors import InvalidInput
+from snnav_core.types import FloatArray
 from snnav_ros.available import new_message
 from snnav_ros.convert.stamps import stamp_message
 
-__all__ = ["MAP_FRAME", "check_frame", "header", "yaw_from_message", "yaw_to_message"]
+__all__ = [
+    "MAP_FRAME",
+    "attitude_of",
+    "check_frame",
+    "direction_from_message",
+    "direction_to_message",
+    "header",
+    "yaw_from_message",
+    "yaw_to_message",
+]
 
 MAP_FRAME = "map"
 
@@ -66,14 +78,58 @@ def yaw_from_message(quaternion: Any) -> float:
     InvalidInput
         If it is zero or not finite.
     """
+    x, y, z, w, _ = _numbers(quaternion)
+    if x == 0.0 and y == 0.0:  # the exact inverse of yaw_to_message, also at half a turn
+        yaw = 2.0 * math.atan2(z, w)
+    else:
+        yaw = math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    return math.remainder(yaw, 2.0 * math.pi) if abs(yaw) > _HALF_TURN else yaw
+
+
+def _numbers(quaternion: Any) -> tuple[float, float, float, float, float]:
+    """Return x, y, z, w and the square of the length of a quaternion."""
     x, y, z, w = (float(getattr(quaternion, name)) for name in "xyzw")
     size = x * x + y * y + z * z + w * w
     if not (math.isfinite(size) and size > 0.0):
         raise InvalidInput(
             f"orientation x {x} y {y} z {z} w {w} is no rotation; give a quaternion of length 1"
         )
-    if x == 0.0 and y == 0.0:  # the exact inverse of yaw_to_message, also at half a turn
-        yaw = 2.0 * math.atan2(z, w)
-    else:
-        yaw = math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
-    return math.remainder(yaw, 2.0 * math.pi) if abs(yaw) > _HALF_TURN else yaw
+    return x, y, z, w, size
+
+
+def direction_to_message(direction: FloatArray) -> Any:
+    """Return the geometry_msgs/Quaternion whose x axis is a direction (3,), a unit vector, and whose y axis is level."""
+    yaw = math.atan2(direction[1], direction[0])
+    pitch = -math.atan2(
+        direction[2], math.hypot(direction[0], direction[1])
+    )  # about y, which points to the left
+    sine, cosine, down, level = (
+        math.sin(0.5 * yaw),
+        math.cos(0.5 * yaw),
+        math.sin(0.5 * pitch),
+        math.cos(0.5 * pitch),
+    )
+    return new_message(
+        "geometry_msgs/Quaternion", x=-down * sine, y=down * cosine, z=level * sine, w=level * cosine
+    )
+
+
+def direction_from_message(quaternion: Any) -> FloatArray:
+    """Return the x axis (3,) that a quaternion turns; it need not have length one.
+
+    Raises
+    ------
+    InvalidInput
+        If it is zero or not finite.
+    """
+    x, y, z, w, size = _numbers(quaternion)
+    ahead = np.array([w * w + x * x - y * y - z * z, 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)])
+    return ahead / size
+
+
+def attitude_of(direction: FloatArray) -> FloatArray:
+    """Return the axes of the body that heads in a direction (3,), as columns (3, 3): x ahead, y level to the left."""
+    ahead = np.asarray(direction, dtype=np.float64)
+    yaw = math.atan2(ahead[1], ahead[0])
+    left = np.array([-math.sin(yaw), math.cos(yaw), 0.0])
+    return np.stack((ahead, left, np.cross(ahead, left)), axis=1)

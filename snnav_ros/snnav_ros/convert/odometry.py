@@ -6,13 +6,33 @@ import math
 from collections.abc import Collection
 from typing import Any
 
+import numpy as np
+
 from snnav_core.errors import InvalidInput
-from snnav_core.types import Pose2D, RobotState
+from snnav_core.flight_types import FlightCommand, FlyerState
+from snnav_core.types import FloatArray, Pose2D, RobotState
 from snnav_ros.available import new_message
-from snnav_ros.convert.frames import MAP_FRAME, check_frame, header, yaw_from_message, yaw_to_message
+from snnav_ros.convert.frames import (
+    MAP_FRAME,
+    attitude_of,
+    check_frame,
+    direction_from_message,
+    direction_to_message,
+    header,
+    yaw_from_message,
+    yaw_to_message,
+)
 from snnav_ros.convert.stamps import seconds_from_stamp
 
-__all__ = ["goal_from_message", "odometry_to_message", "state_from_message"]
+__all__ = [
+    "flight_command_to_message",
+    "flight_to_message",
+    "flyer_state_from_message",
+    "goal_from_message",
+    "goal_in_space_from_message",
+    "odometry_to_message",
+    "state_from_message",
+]
 
 
 def odometry_to_message(robot_id: str, pose: Pose2D, speed: float, turn_rate: float, stamp_ns: int) -> Any:
@@ -65,3 +85,68 @@ def goal_from_message(message: Any, topic: str = "goal_pose") -> tuple[float, fl
     if not (math.isfinite(x) and math.isfinite(y)):
         raise InvalidInput(f"{topic}: position ({x}, {y}) is not finite; give a point of the map")
     return x, y
+
+
+def flight_to_message(state: FlyerState, turn: FloatArray, stamp_ns: int) -> Any:
+    """Return the Odometry of a flying robot: its direction is the x axis of its body; `turn` as of a FlightCommand."""
+    message = new_message("nav_msgs/Odometry", header=header(stamp_ns, MAP_FRAME))
+    message.child_frame_id = f"{state.id}/base_link"
+    place = message.pose.pose.position
+    place.x, place.y, place.z = state.position.tolist()
+    message.pose.pose.orientation = direction_to_message(state.direction)
+    message.twist.twist.linear.x = state.speed
+    _set_turn(message.twist.twist.angular, state.direction, turn)
+    return message
+
+
+def flyer_state_from_message(
+    message: Any, robot_id: str, topic: str = "odom", frames: Collection[str] = (MAP_FRAME,)
+) -> FlyerState:
+    """Return the state of a flying robot that an Odometry tells: the same as was sent, to the last bit.
+
+    Parameters and errors are those of `state_from_message`.
+    """
+    check_frame(message, topic, frames)
+    position, speed = message.pose.pose.position, float(message.twist.twist.linear.x)
+    place = np.array((position.x, position.y, position.z), dtype=np.float64)
+    if not (np.isfinite(place).all() and math.isfinite(speed)):
+        raise InvalidInput(f"{topic}: position {place.tolist()} or speed {speed} is not finite")
+    ahead = direction_from_message(message.pose.pose.orientation)
+    return FlyerState(robot_id, place, ahead, seconds_from_stamp(message.header.stamp), speed)
+
+
+def flight_command_to_message(command: FlightCommand, state: FlyerState) -> Any:
+    """Return the geometry_msgs/Twist of a command to a robot in a state, in the axes of its body.
+
+    `linear` is the velocity that it shall have: ahead, or in any direction for one that leaves a hover. `angular` turns
+    it on from there.
+    """
+    twist = new_message("geometry_msgs/Twist")
+    ahead = state.direction if command.direction is None else command.direction
+    velocity = command.speed * (attitude_of(state.direction).T @ ahead)
+    if command.direction is None:
+        velocity = np.array((command.speed, 0.0, 0.0))
+    twist.linear.x, twist.linear.y, twist.linear.z = velocity.tolist()
+    _set_turn(twist.angular, state.direction, command.turn, ahead)
+    return twist
+
+
+def _set_turn(angular: Any, direction: FloatArray, turn: FloatArray, ahead: FloatArray | None = None) -> None:
+    """Write the angular velocity of a turn of `ahead` in the axes of the body that heads in a direction."""
+    rate = np.cross(direction if ahead is None else ahead, turn)
+    angular.x, angular.y, angular.z = (attitude_of(direction).T @ rate).tolist()
+
+
+def goal_in_space_from_message(message: Any, topic: str = "goal_pose") -> tuple[float, float, float]:
+    """Return the target with its height [m, map] of a PoseStamped; its orientation is not used.
+
+    Raises
+    ------
+    InvalidInput
+        If it is not given in the map, or not finite.
+    """
+    x, y = goal_from_message(message, topic)
+    z = float(message.pose.position.z)
+    if not math.isfinite(z):
+        raise InvalidInput(f"{topic}: height {z} is not finite; give a point of the map")
+    return x, y, z

@@ -1,8 +1,9 @@
 """TimedPath and nav_msgs/Path.
 
 The header holds the sample time t, pose k is stamped t + k * step, positions are exact. Orientations say where the
-robot heads; a turn in place repeats one position and has the heading to turn to as orientation, a path that only
-waits repeats one position with the orientation 0 0 0 0. A message without poses means stop.
+robot heads, in space by their x axes; a turn in place repeats one position and has the heading to turn to as
+orientation, a path that only waits repeats one position with the orientation 0 0 0 0. A message without poses means
+stop.
 """
 
 from __future__ import annotations
@@ -15,7 +16,14 @@ import numpy as np
 from snnav_core.errors import InvalidInput
 from snnav_core.types import FloatArray, TimedPath
 from snnav_ros.available import new_message
-from snnav_ros.convert.frames import MAP_FRAME, check_frame, header, yaw_from_message, yaw_to_message
+from snnav_ros.convert.frames import (
+    MAP_FRAME,
+    check_frame,
+    direction_to_message,
+    header,
+    yaw_from_message,
+    yaw_to_message,
+)
 from snnav_ros.convert.stamps import nanoseconds, nanoseconds_from_stamp, seconds
 
 __all__ = ["path_from_message", "path_to_message", "stop_to_path"]
@@ -46,6 +54,8 @@ def path_to_message(path: TimedPath) -> Any:
     spatial[:, : path.points.shape[1]] = path.points
     if standing and path.turn_to is None:
         turns = [new_message("geometry_msgs/Quaternion", x=0.0, y=0.0, z=0.0, w=0.0)] * len(path)
+    elif path.points.shape[1] == 3:
+        turns = [direction_to_message(ahead) for ahead in _directions(path.points)]
     else:
         turns = [yaw_to_message(heading) for heading in path.headings.tolist()]
     for index, (x, y, z) in enumerate(spatial.tolist()):
@@ -56,8 +66,16 @@ def path_to_message(path: TimedPath) -> Any:
     return message
 
 
-def path_from_message(message: Any, topic: str = "path") -> TimedPath | None:
+def path_from_message(message: Any, topic: str = "path", *, in_space: bool = False) -> TimedPath | None:
     """Return the path of a nav_msgs/Path, or None when it means stop.
+
+    Parameters
+    ----------
+    message : nav_msgs/Path
+    topic : str
+        For messages of errors.
+    in_space : bool
+        Whether points have heights even when all are zero, and there are no turns in place.
 
     Raises
     ------
@@ -84,10 +102,22 @@ def path_from_message(message: Any, topic: str = "path") -> TimedPath | None:
         )
     positions = [(p.pose.position.x, p.pose.position.y, p.pose.position.z) for p in message.poses]
     points = np.array(positions, dtype=np.float64)
+    if in_space:
+        return TimedPath(seconds(start), seconds(int(steps[0])), points)
     if not points[:, 2].any():
         points = points[:, :2]
     turn = _turn_to(message.poses[0].pose.orientation) if _stands_still(points) else None
     return TimedPath(seconds(start), seconds(int(steps[0])), points, turn)
+
+
+def _directions(points: FloatArray) -> FloatArray:
+    """Return the direction to the next point at every point (N, 3); the one before where two are equal."""
+    links = np.diff(points, axis=0)
+    lengths = np.linalg.norm(links, axis=1)
+    moves = np.flatnonzero(lengths > 0.0)  # not empty, for the path does not stand still
+    last = np.searchsorted(moves, np.arange(len(points)), side="right") - 1
+    chosen = moves[np.clip(last, 0, None)]
+    return np.asarray(links[chosen] / lengths[chosen, None])
 
 
 def _stands_still(points: FloatArray) -> bool:

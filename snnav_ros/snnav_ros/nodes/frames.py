@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import Pose, TransformStamped
 from rclpy.node import Node
 
-from snnav_core.types import Pose2D
 from snnav_ros.available import make_tf_broadcasters
-from snnav_ros.convert.frames import MAP_FRAME, header, yaw_to_message
+from snnav_ros.convert.frames import MAP_FRAME, header
 
 __all__ = ["FrameBroadcaster"]
 
@@ -25,16 +24,17 @@ class FrameBroadcaster:
         self._odom, self._base = f"{robot_id}/odom", f"{robot_id}/base_link"
         self._broadcasters = make_tf_broadcasters(node)
         if self._broadcasters is not None:
-            self._broadcasters[1].sendTransform(_transform(MAP_FRAME, self._odom, Pose2D(0.0, 0.0, 0.0), 0))
+            self._broadcasters[1].sendTransform(_transform(MAP_FRAME, self._odom, Pose(), 0))
 
-    def broadcast(self, pose: Pose2D, stamp_ns: int) -> None:
+    def broadcast(self, pose: Pose, stamp_ns: int) -> None:
         """Broadcast where the robot is [map]; nothing without tf2."""
         if self._broadcasters is not None:
             self._broadcasters[0].sendTransform(_transform(self._odom, self._base, pose, stamp_ns))
 
 
-def _transform(parent: str, child: str, pose: Pose2D, stamp_ns: int) -> object:
+def _transform(parent: str, child: str, pose: Pose, stamp_ns: int) -> object:
     message = TransformStamped(header=header(stamp_ns, parent), child_frame_id=child)
-    message.transform.translation.x, message.transform.translation.y = pose.x, pose.y
-    message.transform.rotation = yaw_to_message(pose.heading)
+    place = message.transform.translation
+    place.x, place.y, place.z = pose.position.x, pose.position.y, pose.position.z
+    message.transform.rotation = pose.orientation
     return message

@@ -37,7 +37,7 @@ from snnav_ros.nodes.robots import read_robots
 from snnav_ros.nodes.tracker import OBSTACLES, WORKSPACE
 from snnav_ros.parameters import ParameterReader
 from snnav_ros.qos import LATCHED, for_mode
-from snnav_ros.scenes import read_scene
+from snnav_ros.scenes import read_planar_scene
 from snnav_sim.configure import global_settings
 from snnav_sim.scene_types import Scene
 
@@ -80,7 +80,7 @@ class GlobalPlannerNode(DecidingNode):
 
     def __init__(self, options: NodeOptions | None = None) -> None:
         super().__init__("global_planner_node", options or NodeOptions())
-        scene = read_scene(self.reader)
+        scene = read_planar_scene(self.reader)
         self.settings = self.reader.settings(GlobalPlannerParameters)
         robots = read_robots(self.reader, scene, may_be_none=self.settings.accept_robots)
         self.navigator_settings = _read_settings(self.reader, scene, self.lockstep)

@@ -24,7 +24,7 @@ from snnav_ros.nodes.base import NodeOptions, serve
 from snnav_ros.nodes.node_time import is_simulated, now_of, steady_clock, watch_time
 from snnav_ros.parameters import ParameterReader
 from snnav_ros.qos import ODOMETRY_INPUT, SENSOR, for_mode
-from snnav_ros.scenes import read_scene
+from snnav_ros.scenes import read_planar_scene
 from snnav_ros.waiting import WaitingReport
 from snnav_sim.devices import SensorFeed, make_device
 from snnav_sim.scene_types import Scene, SensorScene
@@ -97,7 +97,7 @@ class Lms200Node(Node):
     def _read(self) -> tuple[Scene, SensorScene]:
         """Return the scene and this sensor of it, whose period in real time is never the default of the scene."""
         reader = ParameterReader(self)
-        scene = read_scene(reader, required=True)
+        scene = read_planar_scene(reader, required=True)
         assert scene is not None
         self.settings = reader.settings(ScannerParameters)
         reader.finish()

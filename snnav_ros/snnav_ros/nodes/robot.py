@@ -1,30 +1,18 @@
-"""The node of one robot: tracker, and a simulated Pioneer base unless a real one is there."""
+"""The node of one robot: tracker, and a simulated base, on the ground or in the air, unless a real one is there."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections import deque
 from typing import Any
 
-import shapely
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from snnav_core.errors import InvalidInput
-from snnav_core.tracking.planar import PlanarTracker, TrackerSettings
-from snnav_core.types import Pose2D, RobotSpec, VelocityCommand
-from snnav_ros.convert import (
-    nanoseconds,
-    nanoseconds_from_stamp,
-    odometry_to_message,
-    seconds,
-    state_from_message,
-    stop_to_path,
-    word_from_message,
-)
+from snnav_ros.convert import nanoseconds, path_to_message, seconds, stop_to_path, word_from_message
 from snnav_ros.convert.frames import header
 from snnav_ros.gate import Order, PathGate
 from snnav_ros.lockstep import Participant
@@ -36,13 +24,10 @@ from snnav_ros.nodes.presence import Presence
 from snnav_ros.nodes.robot_parameters import RobotParameters, read_robot
 from snnav_ros.qos import COMMAND, DIAGNOSTICS, INBOX, ODOMETRY, ODOMETRY_INPUT, for_mode
 from snnav_ros.scenes import read_scene
-from snnav_sim.devices.base import PioneerBase
 
 __all__ = ["RobotNode", "RobotParameters"]
 
-_HEADINGS_KEPT = 200
 _TIME_TOLERANCE = 1e-9  # [s]
-_STOP = VelocityCommand(0.0, 0.0)
 
 
 class RobotNode(ManagedNode):
@@ -51,21 +36,13 @@ class RobotNode(ManagedNode):
     def __init__(self, options: NodeOptions | None = None) -> None:
         super().__init__("robot_node", options or NodeOptions())
         scene = read_scene(self.reader)
-        self.settings, entry = read_robot(self.reader, scene)
-        tracker = self.reader.settings(TrackerSettings, "tracker")
-        self.reader.finish()
-        settings = self.settings
-        self.spec = RobotSpec(settings.robot_id, settings.radius, settings.speed, settings.max_turn_rate)
-        heading = entry.heading if entry is not None else math.radians(settings.heading_deg)
-        self._start = Pose2D(settings.start[0], settings.start[1], heading)
-        try:
-            self._tracker = PlanarTracker(self.spec, tracker, settings.control_period)
-        except InvalidInput as error:
-            self.reader.fail("tracker", str(error))
+        self.settings, self._body, self._curve = read_robot(self.reader, scene)
+        settings, self.spec = self.settings, self._body.spec
         if self.lockstep and settings.base == "external":
             self.reader.fail("base", "value 'external' does not go with lockstep; a real base does not wait")
-        self._gate = PathGate(settings.robot_id, settings.rules)
+        self._gate = PathGate(settings.robot_id, settings.rules, in_space=self._body.in_space)
         self._is_driving = False
+        self._is_simulated = settings.base != "external"
         self._by_wall = not self.lockstep and not is_simulated(self)
         self._presence = Presence(
             self, self.spec, settings.joins_at, settings.leaves_at, by_wall=self._by_wall
@@ -90,16 +67,19 @@ class RobotNode(ManagedNode):
         self._diagnostics = self.publisher(
             DiagnosticArray, "/diagnostics", for_mode(self.lockstep, DIAGNOSTICS)
         )
-        if self.settings.base == "simulated":
+        if self._is_simulated:
             self._odometry = self.publisher(Odometry, f"{name}/odom", for_mode(self.lockstep, ODOMETRY))
             self._frames = FrameBroadcaster(self, name)
+        if self._curve is not None:
+            self._paths = self.publisher(Path, f"{name}/path", for_mode(self.lockstep, COMMAND))
 
     def start(self) -> None:
         """Listen; then work by ticks or by a timer."""
         self._begin()
         name, command = self.spec.id, for_mode(self.lockstep, COMMAND)
-        self.listen(Path, f"{name}/path", self._on_path, command)
-        self.listen(DiagnosticStatus, f"{name}/certificate", self._on_verdict, command)
+        if self._curve is None:
+            self.listen(Path, f"{name}/path", self._on_path, command)
+            self.listen(DiagnosticStatus, f"{name}/certificate", self._on_verdict, command)
         if self.settings.base == "external":
             self.listen(Odometry, f"{name}/odom", self._on_odometry, ODOMETRY_INPUT)
         if self.lockstep and self.settings.planners:
@@ -128,18 +108,17 @@ class RobotNode(ManagedNode):
     def _begin(self) -> None:
         self._presence.begin()
         self._words: dict[str, int] = {}
-        self._base = PioneerBase(self._start, self.spec)
+        self._body.begin()
         self._forget()
+        self._on_curve = False
         self._refusal = ""
 
     def _forget(self) -> None:
         """Be without a path, and without what was measured by a clock that is wrong; the base stays where it is."""
-        self._tracker.reset()
+        self._body.forget()
         self._watch = ClockWatch(lambda: now_of(self))
-        self._pose: tuple[int, Pose2D] | None = None
         self._moved_at: int | None = None
-        self._headings: deque[tuple[int, float]] = deque(maxlen=_HEADINGS_KEPT)
-        self._command, self._hold = _STOP, 0.0
+        self._hold = 0.0
         self._valid_until, self._deadline = math.inf, math.inf
         self._logged: set[str] = set()
         self._is_reported = True
@@ -158,6 +137,8 @@ class RobotNode(ManagedNode):
 
     def _inputs(self) -> list[str]:
         name = self.spec.id
+        if self._curve is not None:
+            return []
         topics = [f"{name}/path"] + ([f"{name}/certificate"] if self.settings.require_certificate else [])
         return topics + ([f"{name}/odom"] if self.settings.base == "external" else [])
 
@@ -199,26 +180,23 @@ class RobotNode(ManagedNode):
         topic = f"{self.spec.id}/odom"
         self._waiting.heard(topic)
         try:
-            state = state_from_message(message, self.spec.id, topic)
+            self._body.hear(message, topic)
         except InvalidInput as error:
             self.get_logger().warning(f"message not used: {error}", throttle_duration_sec=5.0)
-            return
-        self._moved(nanoseconds_from_stamp(message.header.stamp), state.pose)
 
     def _obey(self, order: Order | None) -> None:
         if order is not None:
             order = self._from_here(order)
-            heading = None
             if order.refusal:
                 self._refuse(order.cause, order.refusal)
             else:
                 self._refusal = ""
+            start = 0
             if order.path is not None:
                 self._logged.clear()
                 start = nanoseconds(order.path.start_time)
-                heading = next((value for when, value in reversed(self._headings) if when <= start), None)
             valid_until = order.valid_until if math.isfinite(order.valid_until) else None
-            self._tracker.set_path(order.path, heading, valid_until)
+            self._body.follow(order.path, start, valid_until)
             self._valid_until = order.valid_until
             self._deadline = _steady() + order.valid_until - seconds(self._now())
         self._drive_when_complete()
@@ -228,10 +206,7 @@ class RobotNode(ManagedNode):
 
         The certificate holds for a robot on its path; one that was set elsewhere, or whose odometry was, is not.
         """
-        if order.path is None or self._pose is None:
-            return order
-        position = shapely.points(self._pose[1].position)
-        away = float(shapely.distance(shapely.linestrings(order.path.points[:, :2]), position))
+        away = 0.0 if order.path is None else self._body.away(order.path)
         most = max(self.spec.speed * self.settings.sampling_interval, self.spec.radius)
         if away <= most:
             return order
@@ -262,7 +237,7 @@ class RobotNode(ManagedNode):
         if not there:
             self._stop_base()
             self._gate.reset()
-            self._base = PioneerBase(self._start, self.spec)
+            self._body.begin()
             self._forget()
 
     def _on_tick(self, tick: int) -> None:
@@ -276,7 +251,8 @@ class RobotNode(ManagedNode):
         if self._participant is None or self._participant.due is None:
             return
         tick = self._participant.due
-        if self._presence.is_there and tick % nanoseconds(self.settings.sampling_interval) == 0:
+        sampled = tick % nanoseconds(self.settings.sampling_interval) == 0
+        if self._presence.is_there and self._curve is None and sampled:
             heard = all(self._words.get(name, -1) >= tick for name in self.settings.planners)
             if not (heard and self._gate.complete(tick)):
                 return
@@ -292,7 +268,7 @@ class RobotNode(ManagedNode):
         order = self._gate.watch(now)
         if order is not None:
             self._obey(order)
-        if self.settings.base == "simulated":
+        if self._is_simulated:
             self._move(now)
         self._drive(now)
 
@@ -300,31 +276,33 @@ class RobotNode(ManagedNode):
         """Let the simulated base drive up to now, and publish where it is."""
         moment = time.monotonic_ns() if self._by_wall else now
         if self._moved_at is not None:
-            self._base.apply(self._command, max(0.0, seconds(moment - self._moved_at)), self._hold)
+            self._body.move(max(0.0, seconds(moment - self._moved_at)), self._hold)
         self._moved_at = moment
-        self._moved(now, self._base.pose)
-        driven = self._base.command
-        message = odometry_to_message(self.spec.id, self._base.pose, driven.speed, driven.turn_rate, now)
+        message = self._body.measure(now)
         self._odometry.publish(message)
-        self._frames.broadcast(self._base.pose, now)
+        self._frames.broadcast(message.pose.pose, now)
 
-    def _moved(self, stamp: int, pose: Pose2D) -> None:
-        self._pose = (stamp, pose)
-        self._headings.append((stamp, pose.heading))
+    def _take_curve(self, now: int) -> None:
+        """Follow the curve that the scene gives this robot from now on; nobody plans for it."""
+        if self._curve is None or self._on_curve:
+            return
+        path = self._curve(seconds(now))
+        self._on_curve = True
+        self._body.follow(path, now, None)
+        self._paths.publish(path_to_message(path))
 
     def _drive(self, now: int) -> None:
+        self._take_curve(now)
         problem = self._trouble(now)
-        self._command = _STOP
-        if not problem and self._pose is not None:
+        self._body.halt()
+        if not problem:
             left = self._window_left(now)
             period, holds = self.settings.control_period, self.settings.command_holds
             self._hold = max(period, min(holds, left))  # so the simulated base ends with the window ...
-            needed = (
-                holds if self.settings.base == "external" else period
-            )  # ... which a real one does not know
+            needed = period if self._is_simulated else holds  # ... which a real one does not know
             if left + _TIME_TOLERANCE >= needed:
-                self._command = self._tracker.command(self._pose[1], seconds(now))
-            elif not self._tracker.finished and not self._refusal:
+                self._body.steer(seconds(now))
+            elif not self._body.finished and not self._refusal:
                 end = f"the certificate ended at {self._valid_until:.3f} s and no newer path came"
                 self._refuse("window", f"{end}; check the planner")
         self._publish_command(now)
@@ -336,15 +314,14 @@ class RobotNode(ManagedNode):
             self._report(now, problem)
 
     def _publish_command(self, now: int) -> None:
-        twist = Twist()
-        twist.linear.x, twist.angular.z = self._command.speed, self._command.turn_rate
+        twist = self._body.twist()
         if self.settings.stamped:
             twist = TwistStamped(header=header(now, f"{self.spec.id}/base_link"), twist=twist)
         self._commands.publish(twist)
 
     def _stop_base(self) -> None:
         """Tell the base to stop, for this node tells it nothing more."""
-        self._command = _STOP
+        self._body.halt()
         if not self.lockstep:
             self._publish_command(now_of(self))
 
@@ -363,9 +340,9 @@ class RobotNode(ManagedNode):
         """Return why the robot must not drive, or an empty text."""
         if not self._enabled:
             return "paused"
-        if self._pose is None:
+        if self._body.measured_at is None:
             return "no odometry"
-        age = seconds(now - self._pose[0])
+        age = seconds(now - self._body.measured_at)
         if age > self.settings.max_odometry_age:
             return f"odometry is {age:.2f} s old"
         if age < -self.settings.clock_tolerance:
@@ -374,9 +351,9 @@ class RobotNode(ManagedNode):
 
     def _report(self, now: int, problem: str) -> None:
         values: dict[str, Any] = {
-            "cross_track_error": f"{self._tracker.cross_track_error:.4f}",
-            "speed": f"{self._command.speed:.4f}",
-            "window_left": "none" if self._tracker.finished else f"{max(0.0, self._window_left(now)):.3f}",
+            "cross_track_error": f"{self._body.error:.4f}",
+            "speed": f"{self._body.speed:.4f}",
+            "window_left": "none" if self._body.finished else f"{max(0.0, self._window_left(now)):.3f}",
             "path_age": "none"
             if self._gate.path_stamp < 0
             else f"{seconds(now - self._gate.path_stamp):.3f}",

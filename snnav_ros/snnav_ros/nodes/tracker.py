@@ -28,7 +28,7 @@ from snnav_ros.lockstep import Participant
 from snnav_ros.nodes.base import ManagedNode, NodeOptions, diagnostics, serve, status
 from snnav_ros.nodes.node_time import has_time, now_of, watch_time
 from snnav_ros.qos import DIAGNOSTICS, LATCHED, for_mode
-from snnav_ros.scenes import read_scene
+from snnav_ros.scenes import read_planar_scene
 from snnav_sim.configure import tracker_settings
 
 __all__ = ["OBSTACLES", "WORKSPACE", "TrackerNode", "TrackerParameters"]
@@ -66,7 +66,7 @@ class TrackerNode(ManagedNode):
 
     def __init__(self, options: NodeOptions | None = None) -> None:
         super().__init__("tracker_node", options or NodeOptions())
-        scene = read_scene(self.reader)
+        scene = read_planar_scene(self.reader)
         base: dict[str, Any] = {}
         interval = {} if scene is None else {"sampling_interval": scene.sampling_interval}
         self.settings = self.reader.settings(TrackerParameters, **interval)

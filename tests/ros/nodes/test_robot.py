@@ -255,7 +255,7 @@ def test_external_base_is_driven_by_its_odometry(graph: Any) -> None:
     paths.publish(message)
     plan = PlannedPath("cart", path, certificate, PathSource.WARM_START, 1.0)
     verdicts.publish(verdict_to_message(plan, TICK, message))
-    graph.until(lambda: node._gate.complete(TICK) and node._pose is not None)
+    graph.until(lambda: node._gate.complete(TICK) and node._body.measured_at is not None)
     assert command(2).linear.x == 0.5
     assert command(8).linear.x == 0.0  # odometry is 0.35 s old
 
@@ -269,7 +269,7 @@ def test_external_base_is_driven_by_its_odometry(graph: Any) -> None:
             "robot_id: value 'cart' names no robot of hello; it has robot_1",
         ),
         ({"control_period": 0.3}, "control_period: value 0.3 does not divide sampling_interval 1.0"),
-        ({"base": "real"}, "base: value 'real' must be one of 'simulated', 'external'"),
+        ({"base": "real"}, "base: value 'real' must be one of 'simulated', 'flyer', 'external'"),
         ({"base": "external", "lockstep": True}, "base: value 'external' does not go with lockstep"),
         ({"max_odometry_age": 0.0}, "max_odometry_age: value 0.0 lies outside"),
         ({"tracker.law": "pid"}, "tracker.law: value 'pid' must be one of"),

@@ -56,7 +56,7 @@ def test_external_odometry_from_the_future_stops(graph: Any) -> None:
     node = graph.add(RobotNode, **CART, use_sim_time=True, base="external")
     odometry, clock = graph.speak(Odometry, "cart/odom"), graph.speak(Clock, "/clock", 1)
     odometry.publish(odometry_to_message("cart", Pose2D(1.0, 2.0, 0.0), 0.0, 0.0, 9 * TICK))
-    graph.until(lambda: node._pose is not None)
+    graph.until(lambda: node._body.measured_at is not None)
     clock.publish(Clock(clock=stamp_message(TICK)))
     graph.until(lambda: bool(commands))
     assert "odometry is stamped 0.40 s ahead" in node._trouble(now_of(node))

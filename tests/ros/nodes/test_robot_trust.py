@@ -208,7 +208,7 @@ def test_external_base_gets_no_command_that_may_hold_beyond_the_window(graph: An
     node, speeds = graph.nodes[-1], {}
     for tick in range(1, 22):
         odometry.publish(odometry_to_message("cart", Pose2D(1.0, 2.0, 0.0), 0.0, 0.0, tick * TICK))
-        graph.until(lambda tick=tick: node._pose is not None and node._pose[0] == tick * TICK)
+        graph.until(lambda tick=tick: node._body.measured_at == tick * TICK)
         if tick == 1:
             clock.publish(Clock(clock=stamp_message(TICK)))
             graph.until(lambda: now_of(node) == TICK)
