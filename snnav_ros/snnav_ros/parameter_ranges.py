@@ -85,6 +85,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "seed": (0, 2**53),
     # others
     "heading_tolerance": (1e-3, 3.2),
+    "pitch_deg": (-90.0, 90.0),
     "graze": _SHARE,
     "longest": (1.0, 100.0),
     "longest_link": (1.0, 100.0),

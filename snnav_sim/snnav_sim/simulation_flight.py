@@ -81,10 +81,9 @@ class FlightSimulation(ClosedLoop[SpaceScene, FlightRecord]):
             for sensor in scene.sensors
         ]
         self.fusion = make_network(scene)
-        planned = [robot for robot in scene.robots if not robot.curve]
         self._settings = flight_settings(scene, self.seed)
-        self.navigator = FlightNavigator([robot.spec for robot in planned], self._settings)
-        self._goals = {robot.id: np.array(robot.target) for robot in planned}
+        self.navigator = FlightNavigator([robot.spec for robot in scene.planned], self._settings)
+        self._goals = {robot.id: np.array(robot.target) for robot in scene.planned}
         self._tell_states()
 
     def decide(self) -> StepResult:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from snnav_core.area.grid import Grid
 from snnav_core.flight_types import FlyerState, direction_of
 from snnav_core.sensing.depth import CameraModel, DepthCamera, equal_angle, looking_at
 from snnav_core.types import FloatArray, RobotSpec
-from snnav_sim.scene_types import Circle, Fault, Polygon, SampledScene
+from snnav_sim.scene_types import Circle, Fault, Polygon, Retarget, SampledScene
 
 __all__ = [
     "Body",
@@ -203,6 +204,10 @@ class FlyerScene:
     radius: float
     curve: tuple[Point3, ...] = ()
 
+    joins_at: ClassVar[float] = 0.0  # robots in space are there from the start to the end and go to one place
+    leaves_at: ClassVar[float] = math.inf
+    retargets: ClassVar[tuple[Retarget, ...]] = ()
+
     @property
     def last_target(self) -> Point3:
         """Where it shall be in the end."""
@@ -266,10 +271,25 @@ class SpaceScene(SampledScene):
     boundary_speed: float = 0.0
     time_limit: float = 300.0
 
+    plans_globally: ClassVar[bool] = False  # the global planner is one for the plane
+
+    @property
+    def planned(self) -> tuple[FlyerScene, ...]:
+        """The robots that are planned for: those that do not follow a curve."""
+        return tuple(robot for robot in self.robots if not robot.curve)
+
     @cached_property
     def grid(self) -> Grid:
         """Cells of the workspace."""
         return Grid.covering(np.array(self.low), np.array(self.high), self.grid_spacing)
+
+    def instant(self, time: float) -> float:
+        """Return the first sampling instant not before a time [s]; nothing happens at another time than 0 or never."""
+        return time
+
+    def is_present(self, robot: FlyerScene, time: float) -> bool:
+        """Whether a robot is in the workspace at a time [s]: always."""
+        return True
 
     def present(self, time: float) -> list[str]:
         """Names of the robots in the workspace at a time [s]: all."""

@@ -98,7 +98,7 @@ def _numbers(quaternion: Any) -> tuple[float, float, float, float, float]:
 
 
 def direction_to_message(direction: FloatArray) -> Any:
-    """Return the geometry_msgs/Quaternion whose x axis is a direction (3,), a unit vector, and whose y axis is level."""
+    """Return the geometry_msgs/Quaternion whose x axis is a direction (3,), a unit vector; its y axis is level."""
     yaw = math.atan2(direction[1], direction[0])
     pitch = -math.atan2(
         direction[2], math.hypot(direction[0], direction[1])

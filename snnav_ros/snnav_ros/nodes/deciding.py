@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import Any, Protocol
 
@@ -12,6 +13,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 
 from snnav_core.errors import InvalidInput
+from snnav_core.flight_types import FlyerState
 from snnav_core.types import PlannedPath, RobotSpec, RobotState, Stop, StopReason
 from snnav_ros.convert import (
     goal_from_message,
@@ -28,7 +30,7 @@ from snnav_ros.nodes.robot_port import RobotPort
 from snnav_ros.nodes.robots import PlannedRobot
 from snnav_ros.nodes.roster import Roster
 from snnav_ros.qos import DIAGNOSTICS, LOCKSTEP, for_mode
-from snnav_sim.scene_types import Scene
+from snnav_sim.scene import AnyScene
 
 __all__ = ["DecidingNode"]
 
@@ -65,7 +67,7 @@ class DecidingNode(ManagedNode):
 
     def know(
         self,
-        scene: Scene | None,
+        scene: AnyScene | None,
         robots: Sequence[PlannedRobot],
         rules: Rules,
         navigator: Navigator,
@@ -75,7 +77,7 @@ class DecidingNode(ManagedNode):
 
         Parameters
         ----------
-        scene : Scene or None
+        scene : Scene or SpaceScene or None
         robots : sequence of PlannedRobot
         rules : Rules
         navigator : Navigator
@@ -120,8 +122,16 @@ class DecidingNode(ManagedNode):
     def robot_left(self, name: str) -> None:
         """A robot left."""
 
-    def state_heard(self, state: RobotState) -> None:
+    def state_heard(self, state: RobotState | FlyerState) -> None:
         """A state of a robot came."""
+
+    def read_state(self, message: Odometry, name: str, topic: str, frames: list[str]) -> Any:
+        """Return the state that odometry tells; InvalidInput says why it cannot be used."""
+        return state_from_message(message, name, topic, frames)
+
+    def read_goal(self, message: PoseStamped, topic: str) -> tuple[float, ...]:
+        """Return the goal [m, map] of a message; InvalidInput says why it cannot be used."""
+        return goal_from_message(message, topic)
 
     # life
 
@@ -133,8 +143,10 @@ class DecidingNode(ManagedNode):
     def configure(self) -> None:
         """Make the publishers."""
         self._goals = dict(self._targets)
+        self._goal_messages: dict[str, PoseStamped] = {}
         self._goal_stamps: dict[str, int] = {}
-        self._states: dict[str, tuple[int, RobotState]] = {}
+        self._states: dict[str, tuple[int, Any]] = {}
+        self._odometry: dict[str, Odometry] = {}  # what the states were read from
         self._problems: dict[str, str] = {}
         self._misses = 0
         self._ports: dict[str, RobotPort] = {}
@@ -164,7 +176,7 @@ class DecidingNode(ManagedNode):
         self._robots_of.reset()
         self._roster.reset()
         if not self.lockstep:  # in lockstep data of the new time may be here before their tick
-            self._states = {}
+            self._states, self._odometry = {}, {}
             self.forget()
 
     def _expected(self) -> list[str]:
@@ -189,7 +201,7 @@ class DecidingNode(ManagedNode):
     def _leave(self, name: str) -> None:
         self._robots_of.remove_robot(name)
         self._ports[name].close()
-        for known in (self._states, self._goals, self._goal_stamps):
+        for known in (self._states, self._odometry, self._goals, self._goal_messages, self._goal_stamps):
             known.pop(name, None)
         self._problems.pop(f"{name}/odom", None)
         self.robot_left(name)
@@ -225,14 +237,14 @@ class DecidingNode(ManagedNode):
         topic = f"{name}/goal_pose"
         self._waiting.heard(topic)
         try:
-            self._goals[name] = goal_from_message(message, topic)
+            self._goals[name] = self.read_goal(message, topic)
         except InvalidInput as error:
             self.get_logger().warning(f"goal not taken: {error}")
         else:
+            self._goal_messages[name] = message
             self._goal_stamps[name] = nanoseconds_from_stamp(message.header.stamp)
-            self.get_logger().info(
-                f"robot {name} goes to ({self._goals[name][0]:.2f}, {self._goals[name][1]:.2f})"
-            )
+            place = ", ".join(f"{value:.2f}" for value in self._goals[name])
+            self.get_logger().info(f"robot {name} goes to ({place})")
             self.go_on()
 
     def _on_odometry(self, name: str, message: Odometry) -> None:
@@ -240,17 +252,36 @@ class DecidingNode(ManagedNode):
         self._waiting.heard(topic)
         if not (self.lockstep or has_time(self)):
             return
-        frames = [frame.replace("{robot}", name) for frame in self._rules.odometry_frames]
         try:
-            state = state_from_message(message, name, topic, frames)
+            state = self.read_state(message, name, topic, self._frames(name))
             self.check_ahead(topic, nanoseconds_from_stamp(message.header.stamp))
         except InvalidInput as error:
             self.complain(topic, error)
             return
         self._problems.pop(topic, None)
         self._states[name] = (nanoseconds_from_stamp(message.header.stamp), state)
+        self._odometry[name] = message
         self.state_heard(state)
         self.go_on()
+
+    def _frames(self, name: str) -> list[str]:
+        """Return the frames of odometry of a robot that coincide with the map."""
+        return [frame.replace("{robot}", name) for frame in self._rules.odometry_frames]
+
+    def read_again(self) -> None:
+        """Read the last odometry and goals of all robots once more, for they mean something else now."""
+        for name, message in self._odometry.items():
+            self._states.pop(name, None)
+            stamp = nanoseconds_from_stamp(message.header.stamp)
+            with suppress(InvalidInput):
+                self._states[name] = (
+                    stamp,
+                    self.read_state(message, name, f"{name}/odom", self._frames(name)),
+                )
+        for name, message in self._goal_messages.items():
+            self._goals.pop(name, None)
+            with suppress(InvalidInput):
+                self._goals[name] = self.read_goal(message, f"{name}/goal_pose")
 
     def check_ahead(self, topic: str, stamp: int) -> None:
         """Refuse what is stamped in the future: later it would pass for fresh. In lockstep time waits for its data."""
@@ -267,8 +298,8 @@ class DecidingNode(ManagedNode):
             self.get_logger().warning(f"message not used: {error}")
         self._problems[topic] = str(error)
 
-    def goals(self) -> dict[str, tuple[float, float]]:
-        """Goals [m, map] of the robots that are there and planned for."""
+    def goals(self) -> dict[str, tuple[float, ...]]:
+        """Goals [m, map], with or without a height, of the robots that are there and planned for."""
         return {
             name: goal
             for name, goal in self._goals.items()

@@ -218,7 +218,8 @@ class GlobalPlannerNode(DecidingNode):
     def _step(self, now: int, scene: TrackedScene) -> None:
         begin = clock.perf_counter()
         states = {name: state for name, (_, state) in self._states.items()}
-        result = self._navigator.step(seconds(now), scene, states, self.goals())
+        goals = {name: (goal[0], goal[1]) for name, goal in self.goals().items()}
+        result = self._navigator.step(seconds(now), scene, states, goals)
         duration = clock.perf_counter() - begin
         self._misses += duration > self.navigator_settings.interval
         self._show_plans(now)

@@ -15,18 +15,19 @@ from snnav_ros.nodes.base import LOCKSTEP_TEXT, NodeOptions
 from snnav_ros.parameters import ParameterReader
 from snnav_ros.qos import CLOCK_INPUT, COMMAND, LOCKSTEP, for_mode
 from snnav_ros.scenes import read_scene
-from snnav_sim.scene_types import Point, RobotScene, Scene
+from snnav_sim.scene import AnyScene, RobotScene
+from snnav_sim.space_types import FlyerScene
 
 __all__ = ["GoalScript", "Operator", "OperatorNode", "needs_operator"]
 
 
-def _goal_times(scene: Scene, robot: RobotScene) -> list[tuple[int, Point]]:
+def _goal_times(scene: AnyScene, robot: RobotScene | FlyerScene) -> list[tuple[int, tuple[float, ...]]]:
     """Return when a robot is sent where: instants [ns] and targets [m, map], in order of time."""
     orders = [(robot.joins_at, robot.target), *((one.time, one.target) for one in robot.retargets)]
     return [(nanoseconds(scene.instant(when)), target) for when, target in orders]
 
 
-def needs_operator(scene: Scene) -> bool:
+def needs_operator(scene: AnyScene) -> bool:
     """Whether any robot is sent somewhere after the start."""
     return any(_goal_times(scene, robot)[-1][0] > 0 for robot in scene.robots)
 
@@ -34,7 +35,7 @@ def needs_operator(scene: Scene) -> bool:
 class GoalScript:
     """Which goals a planner must have heard in lockstep, so that it does not depend on chance when they count."""
 
-    def __init__(self, scene: Scene | None) -> None:
+    def __init__(self, scene: AnyScene | None) -> None:
         robots = () if scene is None else scene.robots
         times = {} if scene is None else {r.id: [when for when, _ in _goal_times(scene, r)] for r in robots}
         self._times = {name: due for name, due in times.items() if due[-1] > 0}
@@ -60,14 +61,14 @@ class Operator:
     ----------
     node : Node
         Its publishers are used.
-    scene : Scene
+    scene : Scene or SpaceScene
     lockstep : bool
     said : callable
         Told about every message: topic, message, instant [ns].
     """
 
     def __init__(
-        self, node: Node, scene: Scene, lockstep: bool, said: Callable[[str, Any, int], None]
+        self, node: Node, scene: AnyScene, lockstep: bool, said: Callable[[str, Any, int], None]
     ) -> None:
         self._said = said
         self._orders = sorted(
@@ -90,7 +91,7 @@ class Operator:
         while self._next < len(self._orders) and self._orders[self._next][0] <= now:
             when, index, target = self._orders[self._next]
             goal = PoseStamped(header=header(when, MAP_FRAME))
-            goal.pose.position.x, goal.pose.position.y = target
+            goal.pose.position.x, goal.pose.position.y, goal.pose.position.z = (*target, 0.0)[:3]
             goal.pose.orientation.w = 1.0
             self._mouths[index].publish(goal)
             self._said(self._topics[index], goal, when)

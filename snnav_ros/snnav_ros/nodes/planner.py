@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import time as clock
-from dataclasses import MISSING, fields
 from typing import Any
 
+from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
-from snnav_core.area.planar import LostPart, UnoccupiedArea
+from snnav_core.area.planar import LostPart
 from snnav_core.errors import InvalidInput
-from snnav_core.navigator.ground import GroundNavigator
-from snnav_core.navigator.settings import NavigatorSettings
+from snnav_core.flight_types import FlyerState
 from snnav_core.types import RobotState, StepResult, Stop, StopReason
 from snnav_ros.convert import (
-    area_from_message,
+    goal_from_message,
+    goal_in_space_from_message,
     lost_from_message,
     nanoseconds,
     nanoseconds_from_stamp,
@@ -26,10 +26,11 @@ from snnav_ros.nodes.deciding import DecidingNode
 from snnav_ros.nodes.fellows import Fellows
 from snnav_ros.nodes.node_time import has_time, now_of
 from snnav_ros.nodes.planner_parameters import PlannerParameters
+from snnav_ros.nodes.planner_worlds import Area, Crew, State, read_planning
 from snnav_ros.nodes.robots import read_robots
 from snnav_ros.qos import LATCHED, for_mode
 from snnav_ros.scenes import read_scene
-from snnav_sim.configure import navigator_settings
+from snnav_sim.scene import SpaceScene
 
 __all__ = ["PlannerNode", "PlannerParameters"]
 
@@ -45,6 +46,9 @@ class PlannerNode(DecidingNode):
     the boundary may have moved in between is then taken off the area. Several planners go by the stamp of the area,
     and issue nothing while they do not know what the others promised (see `Fellows`): robots then go on to the ends of
     their windows. Robots join and leave by `robots` (see `Roster`).
+
+    For an area in the plane the robots are planned for on the ground, for one in space in the air (see `Crew`). Before
+    any came it is the world of the scene, or of the first goals.
     """
 
     def __init__(self, options: NodeOptions | None = None) -> None:
@@ -52,37 +56,38 @@ class PlannerNode(DecidingNode):
         scene = read_scene(self.reader)
         self.settings = self.reader.settings(PlannerParameters)
         robots = read_robots(self.reader, scene, may_be_none=self.settings.accept_robots)
-        base: dict[str, Any] = {"boundary_speed": MISSING}  # how fast things move, a person has to say
-        if scene is not None:
-            held = navigator_settings(scene)
-            base = {field.name: getattr(held, field.name) for field in fields(held)}
-        self.navigator_settings = self.reader.settings(NavigatorSettings, **base)
+        planning = read_planning(self.reader, scene)
+        self.navigator_settings = planning.plane
         self.reader.finish()
         settings, interval = self.settings, self.navigator_settings.sampling_interval
         self._max_area_age = settings.max_area_age or 2.0 * interval
-        specs = [robot.spec for robot in robots]
+        targets = [robot.target for robot in robots if robot.target is not None]
+        in_space = isinstance(scene, SpaceScene) or any(len(target) == 3 for target in targets)
         try:
-            self._navigator = GroundNavigator(specs, self.navigator_settings, settings.serves or None)
+            specs = [robot.spec for robot in robots]
+            self._crew = Crew(specs, planning, settings.serves, in_space=in_space)
         except InvalidInput as error:
             self.reader.fail("robots", str(error))
         self._fellows: Fellows | None = None
         if settings.planners:
+            if in_space:
+                self.reader.fail("planners", "is given; in space one planner serves all robots, leave it out")
             window = self.navigator_settings.time_window * interval
             try:
                 self._fellows = Fellows(self, settings.planners, window, self._on_promise)
             except InvalidInput as error:
                 self.reader.fail("planners", str(error))
         self._share = nanoseconds(settings.sharing_deadline or interval / (len(settings.planners) + 1))
-        self.know(scene, robots, settings, self._navigator, interval)
+        self.know(scene, robots, settings, self._crew, interval)
 
     def configure(self) -> None:
         """Make the publishers."""
         super().configure()
-        self._area: UnoccupiedArea | None = None
+        self._area: Area | None = None
         self._area_stamp = -1
         self._lost: tuple[LostPart, ...] = ()
         self._lost_stamp = self._decided = -1
-        self._due: tuple[int, UnoccupiedArea] | None = None
+        self._due: tuple[int, Area] | None = None
         if self._fellows is not None:
             self._fellows.configure()
 
@@ -123,9 +128,17 @@ class PlannerNode(DecidingNode):
         if self._fellows is not None:
             self._fellows.unwatch(name)
 
-    def state_heard(self, state: RobotState) -> None:
+    def read_state(self, message: Any, name: str, topic: str, frames: list[str]) -> State:
+        """Return the state that odometry tells, in the plane or in space."""
+        return self._crew.state(message, name, topic, frames)
+
+    def read_goal(self, message: PoseStamped, topic: str) -> tuple[float, ...]:
+        """Return the goal of a message, in space with its height."""
+        return (goal_in_space_from_message if self._crew.in_space else goal_from_message)(message, topic)
+
+    def state_heard(self, state: RobotState | FlyerState) -> None:
         """Keep a state for the instants that several planners share."""
-        if self._fellows is not None:
+        if self._fellows is not None and isinstance(state, RobotState):
             self._fellows.add_state(state)
 
     # what comes in
@@ -140,7 +153,9 @@ class PlannerNode(DecidingNode):
             return
         stamp = nanoseconds_from_stamp(message.header.stamp)
         try:
-            area = area_from_message(message, _AREA)
+            if self._crew.enter(message, _AREA):
+                self.read_again()
+            area = self._crew.area(message, _AREA)
             self.check_ahead(_AREA, stamp)
         except InvalidInput as error:
             self.complain(_AREA, error)
@@ -170,7 +185,8 @@ class PlannerNode(DecidingNode):
 
     def is_complete(self, tick: int) -> bool:
         """In lockstep: whether the area of a tick [ns] is there."""
-        return self._area is not None and min(self._area_stamp, self._lost_stamp) == tick
+        stamp = self._area_stamp if self._crew.in_space else min(self._area_stamp, self._lost_stamp)
+        return self._area is not None and stamp == tick
 
     def decide(self, tick: int) -> None:
         """In lockstep: decide for a tick [ns] once the promises of the other planners are there as well."""
@@ -220,27 +236,26 @@ class PlannerNode(DecidingNode):
             self._problems["area"] = message
             self._publish_status(now, [], 0.0)
             return True
-        decisions = {name: Stop(name, StopReason.NO_AREA, message) for name in self._navigator.served}
+        decisions = {name: Stop(name, StopReason.NO_AREA, message) for name in self._crew.served}
         self._publish(now, StepResult(seconds(now), dict(decisions)), 0.0)
         return True
 
-    def _states_at(self, instant: int) -> dict[str, RobotState]:
+    def _states_at(self, instant: int) -> dict[str, State]:
         """The last state of every robot; for several planners the last one up to the instant that they share [ns]."""
         states = {name: state for name, (_, state) in self._states.items()}
         return states if self._fellows is None else self._fellows.states_at(seconds(instant), states)
 
-    def _step(self, now: int, area: UnoccupiedArea) -> None:
+    def _step(self, now: int, area: Area) -> None:
         begin = clock.perf_counter()
-        if self._lost:
-            area = area.restamped(area.stamp, lost=self._lost)
         heard = {} if self._fellows is None else self._fellows.promises()
-        result = self._navigator.step(seconds(now), area, self._states_at(now), self.goals(), heard)
+        states = self._states_at(now)
+        result = self._crew.step(seconds(now), area, states, self.goals(), self._lost, heard)
         duration = clock.perf_counter() - begin
         self._misses += duration > self.navigator_settings.sampling_interval
         if self._fellows is not None and not self.lockstep:
             late = now_of(self) - now - (self._fellows.place + 1) * self._share
             if late > 0:
-                self._navigator.withdraw()
+                self._crew.withdraw()
                 self._misses += 1
                 self._hold(now, f"the decision came {seconds(late):.3f} s after its share of the interval")
                 return

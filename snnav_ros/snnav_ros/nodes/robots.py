@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 from snnav_core.types import RobotSpec
 from snnav_ros.parameters import ParameterReader
-from snnav_sim.scene_types import Scene
+from snnav_sim.scene import AnyScene, RobotScene, SpaceScene
+from snnav_sim.space_types import FlyerScene
 
 __all__ = ["PlannedRobot", "read_robot_spec", "read_robots"]
 
-Target = tuple[float, float]
+Target = tuple[float, ...]  # two numbers in the plane, three in space
 
 _TEXTS = {
     "radius": "Radius of the disk that covers the robot [m].",
@@ -29,14 +30,14 @@ class PlannedRobot:
 
 
 def read_robots(
-    reader: ParameterReader, scene: Scene | None, *, may_be_none: bool = False
+    reader: ParameterReader, scene: AnyScene | None, *, may_be_none: bool = False
 ) -> list[PlannedRobot]:
     """Declare the parameters of all robots.
 
     Parameters
     ----------
     reader : ParameterReader
-    scene : Scene or None
+    scene : Scene or SpaceScene or None
         Its robots that are there at the start, unless the parameter `robots` names others.
     may_be_none : bool
         Whether there may be no robot at the start because robots join.
@@ -46,15 +47,24 @@ def read_robots(
     ParameterError
         If there is no robot or a value is missing.
     """
-    there = () if scene is None else (robot for robot in scene.robots if scene.is_present(robot, 0.0))
-    known = {robot.id: PlannedRobot(robot.spec, robot.target) for robot in there}
+    known = {robot.id: PlannedRobot(robot.spec, robot.target) for robot in _there(scene)}
     text = "Ids of the robots in order of priority, each with its own group of parameters; by default the scene's."
     ids: tuple[str, ...] = reader.value("robots", tuple[str, ...], text, tuple(known))
     if not ids and not may_be_none:
         reader.fail("robots", "is empty; list the ids of the robots, or give `scene`")
     if len(set(ids)) != len(ids):
         reader.fail("robots", f"value {list(ids)} names a robot twice; give different ids")
-    return [_read(reader, robot_id, known.get(robot_id)) for robot_id in ids]
+    numbers = (2, 3) if scene is None else (3,) if isinstance(scene, SpaceScene) else (2,)
+    return [_read(reader, robot_id, known.get(robot_id), numbers) for robot_id in ids]
+
+
+def _there(scene: AnyScene | None) -> list[RobotScene | FlyerScene]:
+    """Return the robots that are there from the start and want to be planned for."""
+    if scene is None:
+        return []
+    if isinstance(scene, SpaceScene):
+        return list(scene.planned)
+    return [robot for robot in scene.robots if scene.is_present(robot, 0.0)]
 
 
 def read_robot_spec(reader: ParameterReader, robot_id: str, known: RobotSpec | None) -> RobotSpec:
@@ -72,11 +82,14 @@ def read_robot_spec(reader: ParameterReader, robot_id: str, known: RobotSpec | N
     return RobotSpec(robot_id, can_turn_in_place=turns, **values)
 
 
-def _read(reader: ParameterReader, robot_id: str, known: PlannedRobot | None) -> PlannedRobot:
+def _read(
+    reader: ParameterReader, robot_id: str, known: PlannedRobot | None, numbers: tuple[int, ...]
+) -> PlannedRobot:
     spec = read_robot_spec(reader, robot_id, None if known is None else known.spec)
     where = f"{robot_id}.target"
-    text = "First goal [m, map]; else the robot waits for `<robot>/goal_pose`."
+    text = "First goal [m, map], in space with its height; else the robot waits for `<robot>/goal_pose`."
     target = reader.value(where, tuple[float, ...] | None, text, None if known is None else known.target)
-    if target is not None and (len(target) != 2 or not all(map(math.isfinite, target))):
-        reader.fail(where, f"value {list(target)} is no point; give two numbers [x, y]")
+    if target is not None and (len(target) not in numbers or not all(map(math.isfinite, target))):
+        axes = "three numbers [x, y, z]" if numbers == (3,) else "two numbers [x, y]"
+        reader.fail(where, f"value {list(target)} is no point; give {axes}")
     return PlannedRobot(spec, target)

@@ -13,7 +13,7 @@ from snnav_core.types import RobotSpec
 from snnav_ros.convert import Announcement, announcement_from_message, announcement_to_message, nanoseconds
 from snnav_ros.nodes.base import ManagedNode
 from snnav_ros.qos import INBOX, LATCHED, for_mode
-from snnav_sim.scene_types import Scene
+from snnav_sim.scene import AnyScene
 
 __all__ = ["ROBOTS_TOPIC", "Roster"]
 
@@ -29,7 +29,7 @@ class Roster:
     Parameters
     ----------
     node : ManagedNode
-    scene : Scene or None
+    scene : Scene or SpaceScene or None
     known : iterable of RobotSpec
         The robots that are there from the start.
     accepts : bool
@@ -43,7 +43,7 @@ class Roster:
     def __init__(
         self,
         node: ManagedNode,
-        scene: Scene | None,
+        scene: AnyScene | None,
         known: Iterable[RobotSpec],
         accepts: bool,
         join: Callable[[RobotSpec], None],
