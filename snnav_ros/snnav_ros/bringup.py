@@ -16,13 +16,13 @@ from typing import Any
 from snnav_core.errors import SnnavError
 from snnav_ros.available import make_executor, require_ros
 from snnav_ros.bag.writer import BagWriter
-from snnav_ros.casting import CLOCK, FUSION, TRACKER, every_sample, every_tick, share_robots
+from snnav_ros.casting import CLOCK, FUSION, TRACKER, every_sample, every_tick, is_unplanned, share_robots
 from snnav_ros.domain import free_domain
 from snnav_ros.processes import ChildProcesses
-from snnav_ros.recorder import RunCollector, RunProgress
+from snnav_ros.recorder import RunCollector, RunProgress, record_of
 from snnav_ros.signals import noted_signals
 from snnav_sim.report.record import RunRecord
-from snnav_sim.scene import Scene, dump_scene
+from snnav_sim.scene import AnyScene, SpaceScene, dump_scene
 from snnav_sim.warm_up import warm_up
 
 __all__ = ["BringupError", "NodePlan", "plan_nodes", "run_scene"]
@@ -56,25 +56,22 @@ class NodePlan:
 
 
 def plan_nodes(
-    scene: Scene, scene_file: Path, *, realtime: bool, processes: bool, seed: int, planners: int = 1
+    scene: AnyScene, scene_file: Path, *, realtime: bool, processes: bool, seed: int, planners: int = 1
 ) -> list[NodePlan]:
     """Return the nodes that a scene needs, the clock last."""
     # In lockstep a node goes by ticks; its own clock of ROS would hear every one of them once more.
     common = {"scene": str(scene_file), "lockstep": not realtime, "use_sim_time": realtime or processes}
-    plans = [
-        NodePlan(sensor.id, "lms200", "Lms200Node", {**common, "sensor_id": sensor.id, "seed": seed})
-        for sensor in scene.sensors
-    ]
-    plans.append(NodePlan(FUSION, "fusion", "FusionNode", common))
-    kind = "planner", "PlannerNode"
-    if scene.plans_globally:
-        plans.append(NodePlan(TRACKER, "tracker", "TrackerNode", common))
-        kind = "global_planner", "GlobalPlannerNode"
+    plans: list[NodePlan] = []
     shares = share_robots(scene, planners)
     several = {"planners": list(shares)} if len(shares) > 1 else {}
-    for name, robots in shares.items():
-        served = {"serves": robots} if several else {}
-        plans.append(NodePlan(name, *kind, {**common, **several, **served}))
+    if not is_unplanned(scene):
+        device = ("tof", "TofNode") if isinstance(scene, SpaceScene) else ("lms200", "Lms200Node")
+        plans += [
+            NodePlan(sensor.id, *device, {**common, "sensor_id": sensor.id, "seed": seed})
+            for sensor in scene.sensors
+        ]
+        plans.append(NodePlan(FUSION, "fusion", "FusionNode", common))
+        plans += _deciding(scene, common, shares, several, seed)
     plans += [
         NodePlan(robot.id, "robot", "RobotNode", {**common, **several, "robot_id": robot.id})
         for robot in scene.robots
@@ -88,8 +85,31 @@ def plan_nodes(
     return [*plans, NodePlan(CLOCK, "clock", "ClockNode", clock)]
 
 
+def _deciding(
+    scene: AnyScene,
+    common: Mapping[str, Any],
+    shares: Mapping[str, list[str]],
+    several: Mapping[str, Any],
+    seed: int,
+) -> list[NodePlan]:
+    """Return the nodes that decide, and the body tracker that the global planner needs."""
+    if scene.plans_globally:
+        planner = NodePlan(next(iter(shares)), "global_planner", "GlobalPlannerNode", common)
+        return [NodePlan(TRACKER, "tracker", "TrackerNode", common), planner]
+    samples = {"flight.seed": seed} if isinstance(scene, SpaceScene) else {}
+    return [
+        NodePlan(
+            name,
+            "planner",
+            "PlannerNode",
+            {**common, **samples, **several, **({"serves": robots} if several else {})},
+        )
+        for name, robots in shares.items()
+    ]
+
+
 def run_scene(
-    scene: Scene,
+    scene: AnyScene,
     *,
     processes: bool = False,
     realtime: bool = False,
@@ -102,7 +122,7 @@ def run_scene(
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or SpaceScene
     processes : bool
         Every node as a process of its own instead of all in this one.
     realtime : bool
@@ -123,7 +143,7 @@ def run_scene(
     Raises
     ------
     InvalidInput
-        If there are fewer robots than planners, or several planners for a scene with the global planner.
+        If there are fewer robots than planners, or several planners for a scene in space or with the global planner.
     MissingRos
         If there is no rclpy.
     BringupError
@@ -134,7 +154,7 @@ def run_scene(
     require_ros("running a scene through the nodes")
     if realtime:
         warm_up()  # in lockstep the compiler holds up nothing
-    record = RunRecord(scene.seed if seed is None else seed)
+    record = record_of(scene, scene.seed if seed is None else seed)
     record.versions |= {"rclpy": version("rclpy"), "rmw": _middleware()}
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     with ExitStack() as stack:
@@ -197,7 +217,7 @@ def _add_nodes(
     stack: ExitStack,
     executor: Any,
     context: Any,
-    scene: Scene,
+    scene: AnyScene,
     plans: list[NodePlan],
     collector: RunCollector,
     *,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from snnav_core.types import Pose2D, StopReason, TimedPath, VelocityCommand
+from snnav_core.types import StopReason, TimedPath
 from snnav_ros.bag.writer import BagWriter
+from snnav_ros.casting import is_unplanned
 from snnav_ros.convert import (
     Verdict,
     Word,
@@ -19,15 +20,17 @@ from snnav_ros.convert import (
     path_from_message,
     plans_from_message,
     seconds,
-    state_from_message,
     verdict_from_message,
     word_from_message,
 )
+from snnav_ros.traces import FlightTrace, GroundTrace, Trace
 from snnav_sim.ending import EndWatch
+from snnav_sim.report.flight_record import FlightRecord
 from snnav_sim.report.record import Decision, RunRecord
-from snnav_sim.scene_types import Scene
+from snnav_sim.scene import AnyScene, RobotScene, SpaceScene
+from snnav_sim.space_types import FlyerScene
 
-__all__ = ["RunCollector", "RunProgress"]
+__all__ = ["RunCollector", "RunProgress", "record_of"]
 
 RunProgress = Callable[[float, RunRecord], None]
 """Called once per sampling interval with the simulated time [s] and what is recorded up to then."""
@@ -39,13 +42,28 @@ class _Robot:
 
     begin: int
     end: float
+    trace: Trace
+    on_curve: bool = False  # nobody plans for it
+    begun: bool = False  # it has said what that curve is
     stamp: int = -1
     tracked: int = -1
-    pose: Pose2D | None = None
-    motion: VelocityCommand = field(default_factory=lambda: VelocityCommand(0.0, 0.0))
     commands: int = 0
     paths: dict[int, TimedPath | None] = field(default_factory=dict)
     verdicts: dict[int, Verdict] = field(default_factory=dict)
+
+
+def record_of(scene: AnyScene, seed: int) -> RunRecord:
+    """Return the empty record of a run."""
+    return FlightRecord(seed) if isinstance(scene, SpaceScene) else RunRecord(seed)
+
+
+def _robot_of(scene: AnyScene, robot: RobotScene | FlyerScene) -> _Robot:
+    begin, end = scene.instant(robot.joins_at), scene.instant(robot.leaves_at)
+    last = nanoseconds(end) if math.isfinite(end) else math.inf
+    if isinstance(robot, FlyerScene):
+        trace = FlightTrace(robot, scene.control_period)
+        return _Robot(nanoseconds(begin), last, trace, on_curve=bool(robot.curve))
+    return _Robot(nanoseconds(begin), last, GroundTrace(robot.id))
 
 
 class RunCollector:
@@ -53,9 +71,9 @@ class RunCollector:
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or SpaceScene
     record : RunRecord
-        Is filled.
+        Is filled; one by `record_of`.
     bag : BagWriter or None
         Gets every message, stamped with its simulated time.
     lockstep : bool
@@ -67,7 +85,7 @@ class RunCollector:
 
     def __init__(
         self,
-        scene: Scene,
+        scene: AnyScene,
         record: RunRecord,
         bag: BagWriter | None,
         lockstep: bool,
@@ -82,14 +100,14 @@ class RunCollector:
         planner = [f"planner {name}" for name in planners] or ["planner"]
         self._steps = {"fusion": record.fusion_seconds} | dict.fromkeys(planner, record.planner_seconds)
         self._control_ns = nanoseconds(scene.control_period)
-        spans = {r.id: [scene.instant(when) for when in (r.joins_at, r.leaves_at)] for r in scene.robots}
-        self._robots = {
-            name: _Robot(nanoseconds(begin), nanoseconds(end) if math.isfinite(end) else math.inf)
-            for name, (begin, end) in spans.items()
-        }
+        self._sample_ns = nanoseconds(scene.sampling_interval)
+        self._in_space = isinstance(scene, SpaceScene)
+        self._robots = {robot.id: _robot_of(scene, robot) for robot in scene.robots}
         self._order = sorted(self._robots, key=lambda name: self._robots[name].begin)
-        self._latest: dict[str, int] = {sensor.id: -1 for sensor in scene.sensors}
-        self._latest |= dict.fromkeys(("area", "grid", *self._steps), -1)
+        self._latest: dict[str, int] = {}
+        if not is_unplanned(scene):
+            self._latest |= dict.fromkeys([sensor.id for sensor in scene.sensors], -1)
+            self._latest |= dict.fromkeys(("area", "grid", *self._steps), -1)
         if scene.plans_globally:
             self._latest |= dict.fromkeys(("obstacles", "workspace"), -1)
         self._plans: set[tuple[str, int]] = set()  # by robot and when it was planned [ns]
@@ -158,8 +176,8 @@ class RunCollector:
 
     def close(self) -> None:
         """Note where the robots are at the end."""
-        for name, robot in self._robots.items():
-            self._note(name, robot, robot.motion)
+        for robot in self._robots.values():
+            self._note(robot)
 
     def write(self, topic: str, message: Any, stamp: int) -> None:
         """Put a message into the bag only."""
@@ -176,6 +194,8 @@ class RunCollector:
     def take_area(self, topic: str, message: Any) -> None:
         """Take the unoccupied area."""
         self.take_data("area", topic, message)
+        if self._in_space:  # they are in the bag; figures show none
+            return
         # That of the last instant may be heard after its decisions, which come from another process.
         if not self.ended or nanoseconds_from_stamp(message.header.stamp) <= self._decided:
             self.record.add_area(area_from_message(message, topic))
@@ -212,27 +232,30 @@ class RunCollector:
         """Take the pose of a robot; its speeds are those it drove with since the last pose."""
         robot, stamp = self._robots[name], nanoseconds_from_stamp(message.header.stamp)
         self.write(topic, message, stamp)
-        twist = message.twist.twist
-        self._note(name, robot, VelocityCommand(twist.linear.x, twist.angular.z))
-        robot.stamp, robot.pose = stamp, state_from_message(message, name, topic).pose
+        robot.trace.driven(message)
+        self._note(robot)
+        robot.trace.odometry(message, topic)
+        robot.stamp = stamp
+        if robot.on_curve and stamp % self._sample_ns == 0:
+            self._decide(stamp)
 
     def take_command(self, name: str, topic: str, message: Any) -> None:
         """Take the command of a robot; it has no stamp: in lockstep the n-th is the one of the n-th tick."""
         robot = self._robots[name]
         stamp = robot.begin + robot.commands * self._control_ns if self._lockstep else max(robot.stamp, 0)
         robot.commands += 1
-        robot.motion = VelocityCommand(message.linear.x, message.angular.z)
+        robot.trace.command(message)
         self.write(topic, message, stamp)
 
-    def _note(self, name: str, robot: _Robot, motion: VelocityCommand) -> None:
-        if robot.pose is not None and (not self.ended or robot.stamp <= self._decided):
-            self.record.add_sample(name, seconds(robot.stamp), robot.pose, motion)
+    def _note(self, robot: _Robot) -> None:
+        if not self.ended or robot.stamp <= self._decided:
+            robot.trace.note(self.record, seconds(robot.stamp))
 
     def take_path(self, name: str, topic: str, message: Any) -> None:
         """Take a path or a stop."""
         stamp = nanoseconds_from_stamp(message.header.stamp)
         self.write(topic, message, stamp)
-        path = path_from_message(message, topic)
+        path = path_from_message(message, topic, in_space=self._in_space)
         paths = self._robots[name].paths
         paths[stamp] = None if paths.get(stamp, path) is None else path
         self._decide(stamp)
@@ -248,26 +271,47 @@ class RunCollector:
     def _decide(self, stamp: int) -> None:
         """Note the decisions of an instant when those of all robots are there."""
         present = self._present(stamp)
-        robots = [self._robots[name] for name in present]
-        if self.ended or not all(stamp in robot.paths and stamp in robot.verdicts for robot in robots):
+        if self.ended or stamp <= self._decided or not all(self._has_decision(n, stamp) for n in present):
             return
         if not all(stamp in words for words in self._words.values()):
             return
         halted = {name: why for words in self._words.values() for name, why in words.pop(stamp).stops}
         stops: dict[str, str] = {}
-        for name, robot in zip(present, robots, strict=True):
-            path, verdict = robot.paths.pop(stamp), robot.verdicts.pop(stamp)
-            decision = _decision(seconds(stamp), name, path, verdict)
-            if name in halted:
-                blocked = StopReason.BLOCKED_BY_ROBOT.value
-                decision, path = Decision(seconds(stamp), name, None, blocked, halted[name]), None
+        decisions = [self._take_decision(name, stamp, halted) for name in present]
+        for decision in decisions:
+            if decision is None:
+                continue
+            self._robots[decision.robot].trace.follow(decision)
             self.record.decisions.append(decision)
-            if path is None:
-                stops[name] = decision.reason
+            if decision.path is None:
+                stops[decision.robot] = decision.reason
         self._decided = stamp
         self.record.reason = self._watch.update(seconds(stamp), stops)
         if self._progress is not None:
             self._progress(seconds(stamp), self.record)
+
+    def _has_decision(self, name: str, stamp: int) -> bool:
+        """Whether it is known what a robot follows from an instant [ns] on."""
+        robot = self._robots[name]
+        if robot.on_curve:
+            return (robot.begun or bool(robot.paths)) and (robot.stamp >= stamp or not self._lockstep)
+        return stamp in robot.paths and stamp in robot.verdicts
+
+    def _take_decision(self, name: str, stamp: int, halted: Mapping[str, str]) -> Decision | None:
+        """Return what was decided for a robot at an instant [ns]; None for one that is under way on its curve."""
+        robot, time = self._robots[name], seconds(stamp)
+        if robot.on_curve:
+            if not robot.begun:
+                robot.begun = True
+                return Decision(time, name, robot.paths.popitem()[1], source="curve")
+            if not robot.trace.hovers:
+                return None
+            text = f"robot {name} is at the end of its curve"
+            return Decision(time, name, None, StopReason.ARRIVED.value, text)
+        path, verdict = robot.paths.pop(stamp), robot.verdicts.pop(stamp)
+        if name in halted:
+            return Decision(time, name, None, StopReason.BLOCKED_BY_ROBOT.value, halted[name])
+        return _decision(time, name, path, verdict)
 
 
 def _decision(time: float, name: str, path: TimedPath | None, verdict: Verdict) -> Decision:
@@ -275,4 +319,13 @@ def _decision(time: float, name: str, path: TimedPath | None, verdict: Verdict) 
         reason = "" if verdict.stop is None else verdict.stop.reason.value
         return Decision(time, name, None, reason, "" if verdict.stop is None else verdict.stop.message)
     source = "" if verdict.source is None else verdict.source.value
-    return Decision(time, name, path, planning_distance=verdict.planning_distance, source=source)
+    certificate = verdict.certificate
+    return Decision(
+        time,
+        name,
+        path,
+        planning_distance=verdict.planning_distance,
+        source=source,
+        valid_until=None if certificate is None else certificate.valid_until,
+        least_clearance=None if certificate is None else certificate.least_clearance,
+    )

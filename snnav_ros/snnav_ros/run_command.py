@@ -17,7 +17,7 @@ from snnav_ros.argument_types import whole
 from snnav_ros.available import require_ros
 from snnav_ros.run_display import make_console, run_display
 from snnav_sim.report.record import RunRecord
-from snnav_sim.scene import AnyScene, Scene, find_scene, list_scenes, load_any_scene
+from snnav_sim.scene import AnyScene, find_scene, list_scenes, load_any_scene
 from snnav_sim.scene_read import LARGEST_SEED
 
 __all__ = ["add_parsers"]
@@ -71,8 +71,6 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.core and (arguments.realtime or arguments.processes or arguments.planners != 1):
         raise InvalidInput("--core does not go with --realtime, --processes or --planners; leave one out")
     scene = load_any_scene(find_scene(arguments.scene))
-    if not arguments.core and not isinstance(scene, Scene):
-        raise InvalidInput(f"{scene.name}: a scene in space runs without ROS so far; add --core")
     robots = len(scene.robots)
     if not 1 <= arguments.planners <= max(1, robots):
         raise InvalidInput(
@@ -112,8 +110,6 @@ def _carry_out(
         simulation = simulation_of(scene, arguments.seed)
         return simulation.run(lambda time, _: show(time, simulation.record)), {}
     from snnav_ros.bringup import run_scene
-
-    assert isinstance(scene, Scene), "a scene in space came this way"
 
     bag = workplace / "bag"
     record = run_scene(

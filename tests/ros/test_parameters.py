@@ -14,10 +14,13 @@ from rclpy.parameter import Parameter
 
 from snnav_core.area.fusion import FusionSettings
 from snnav_core.errors import InvalidInput
+from snnav_core.navigator.flight_settings import FlightSettings
 from snnav_core.navigator.settings import NavigatorSettings
 from snnav_core.planning.adjustment import AdjustmentSettings
+from snnav_core.planning.roadmap import RoadmapSettings
 from snnav_core.sensing.scan import ScanSettings
 from snnav_core.tracking.planar import TrackerSettings
+from snnav_core.tracking.spatial import SpatialTrackerSettings
 from snnav_ros.nodes.clock import ClockParameters
 from snnav_ros.nodes.fusion import FusionParameters
 from snnav_ros.nodes.lms200 import ScannerParameters
@@ -29,6 +32,7 @@ from snnav_ros.parameters import ParameterError, ParameterReader, field_texts
 
 ALL = [
     FusionSettings, NavigatorSettings, AdjustmentSettings, ScanSettings, TrackerSettings,
+    FlightSettings, RoadmapSettings, SpatialTrackerSettings,
     ClockParameters, FusionParameters, ScannerParameters, PlannerParameters, RobotParameters,
 ]  # fmt: skip
 

@@ -14,6 +14,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
+from snnav_ros.casting import is_unplanned
 from snnav_ros.convert import nanoseconds, nanoseconds_from_stamp, stamp_message
 from snnav_ros.lockstep import Participant
 from snnav_ros.nodes.base import NodeOptions
@@ -23,7 +24,7 @@ from snnav_ros.nodes.roster import ROBOTS_TOPIC
 from snnav_ros.nodes.tracker import OBSTACLES, WORKSPACE
 from snnav_ros.qos import CLOCK_INPUT, INBOX, LATCHED, RECORDED, SENSOR, for_mode
 from snnav_ros.recorder import RunCollector
-from snnav_sim.scene_types import Scene
+from snnav_sim.scene import AnyScene, SpaceScene
 
 __all__ = ["RECORDER", "RecorderNode"]
 
@@ -39,7 +40,7 @@ class RecorderNode(Node):
     def __init__(
         self,
         options: NodeOptions,
-        scene: Scene,
+        scene: AnyScene,
         collector: RunCollector,
         lockstep: bool,
         several: bool = False,
@@ -50,10 +51,14 @@ class RecorderNode(Node):
         self._participant: Participant | None = None
         recorded, latched = for_mode(lockstep, RECORDED), for_mode(lockstep, LATCHED)
         scans = for_mode(lockstep, SENSOR)
-        for sensor in scene.sensors:
-            self._hear(LaserScan, f"sensors/{sensor.id}/scan", partial(collector.take_data, sensor.id), scans)
-        self._hear(PointCloud2, "unoccupied_area", collector.take_area, latched)
-        self._hear(OccupancyGrid, "unoccupied_area/grid", partial(collector.take_data, "grid"), latched)
+        in_space = isinstance(scene, SpaceScene)
+        kind, topic = (PointCloud2, "points") if in_space else (LaserScan, "scan")
+        for sensor in () if is_unplanned(scene) else scene.sensors:
+            take = partial(collector.take_data, sensor.id)
+            self._hear(kind, f"sensors/{sensor.id}/{topic}", take, scans)
+        if not is_unplanned(scene):
+            self._hear(PointCloud2, "unoccupied_area", collector.take_area, latched)
+            self._hear(OccupancyGrid, "unoccupied_area/grid", partial(collector.take_data, "grid"), latched)
         if scene.plans_globally:
             self._hear(PointCloud2, OBSTACLES, partial(collector.take_data, "obstacles"), latched)
             self._hear(PointCloud2, WORKSPACE, partial(collector.take_data, "workspace"), latched)
