@@ -31,6 +31,7 @@ __all__ = [
 
 _FINE, _COARSE = 16, 8  # segments of a quarter circle: below 1 m, where passages are narrow, and above
 _SIMPLE = 4
+_FINER = (1.0, 2.0, 4.0)  # where rings touch with points left out, the tolerance is divided by these
 _MANY_VERTICES = 6000
 _SLIT_VERTICES, _SLIT_LENGTH = (
     600,
@@ -235,7 +236,9 @@ def grow(geometry: BaseGeometry, distance: float) -> BaseGeometry:
     return geometry.buffer(_outside(distance), quad_segs=_segments(distance))
 
 
-def reduce_area(region: BaseGeometry, distance: float, simplification: float = 0.0) -> MultiPolygon:
+def reduce_area(
+    region: BaseGeometry, distance: float, simplification: float = 0.0, quick: bool = False
+) -> MultiPolygon:
     """The d-reduction R[region, distance] (Ch. 3), conservative.
 
     Parameters
@@ -247,6 +250,9 @@ def reduce_area(region: BaseGeometry, distance: float, simplification: float = 0
     simplification : float
         Tolerance [m] of leaving out points, of the boundary before and of the result after the reduction. The latter
         can move the start of a ring by twice as much, so the reduction is enlarged by that.
+    quick : bool
+        Where rings touch with points left out, leave out fewer instead of mending them: up to twice as fast, and the
+        result has some more points.
 
     Returns
     -------
@@ -256,12 +262,21 @@ def reduce_area(region: BaseGeometry, distance: float, simplification: float = 0
     """
     if simplification <= 0.0:
         return shrink(region, distance)
-    left = shrink(_thinned(region, simplification), distance + 2.0 * simplification)
+    left = shrink(_thinned(region, simplification, quick), distance + 2.0 * simplification)
     simple = shapely.simplify(left, simplification, preserve_topology=True)
     return as_multipolygon(simple if simple.is_valid else shapely.make_valid(simple))
 
 
-def _thinned(region: BaseGeometry, tolerance: float) -> BaseGeometry:
+def _thinned(region: BaseGeometry, tolerance: float, quick: bool) -> BaseGeometry:
+    for finer in _FINER if quick else _FINER[:1]:
+        thinned = _with_fewer_points(region, tolerance / finer)
+        if thinned.is_valid:
+            return thinned
+    # A chord that replaces points may touch another ring: what both enclose counts as free then.
+    return region if quick else intersection(shapely.make_valid(thinned), region)
+
+
+def _with_fewer_points(region: BaseGeometry, tolerance: float) -> MultiPolygon:
     polygons = []
     for polygon in as_multipolygon(region).geoms:
         exterior = thin_ring(_ring(shapely.get_coordinates(polygon.exterior), True), tolerance)
@@ -269,9 +284,7 @@ def _thinned(region: BaseGeometry, tolerance: float) -> BaseGeometry:
             thin_ring(_ring(shapely.get_coordinates(hole), False), tolerance) for hole in polygon.interiors
         ]
         polygons.append(Polygon(exterior, holes))
-    thinned = MultiPolygon(polygons)
-    # A chord that replaces points may touch another ring: what both enclose counts as free then.
-    return thinned if thinned.is_valid else intersection(shapely.make_valid(thinned), region)
+    return MultiPolygon(polygons)
 
 
 def component_at(region: MultiPolygon, point: FloatArray) -> Polygon | None:

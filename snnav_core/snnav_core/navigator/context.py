@@ -52,7 +52,7 @@ class AreaContext:
         than 0.125 %: more would close narrow passages.
     grain : float
         Of a crowd: distances are rounded up to multiples of this [m], so that robots of several kinds share reductions,
-        and disks of robots have fewer corners; 0 for neither.
+        disks of robots have fewer corners, and reductions are the quick ones; 0 for none of that.
     """
 
     def __init__(self, area: UnoccupiedArea, simplification: float, grain: float = 0.0) -> None:
@@ -95,7 +95,7 @@ class AreaContext:
         components = {self._curves_at(distance, disks, np.array(target)) for target in targets}
         for curves in components - {None}:
             assert curves is not None
-            _ = curves.tangents
+            _ = curves.neighbours
 
     def rounded(self, distance: float) -> float:
         """A distance [m] rounded up to one that robots of several kinds share."""
@@ -130,7 +130,8 @@ class AreaContext:
         if key not in self._reduced:
             share = _NARROW_SHARE if distance < 1.0 else _WIDE_SHARE
             tolerance = min(self.simplification, share * distance)
-            self._reduced.setdefault(key, reduce_area(self.area.region, distance, tolerance))
+            reduced = reduce_area(self.area.region, distance, tolerance, quick=self.grain > 0.0)
+            self._reduced.setdefault(key, reduced)
         return self._reduced[key]
 
     def _without_disks(self, distance: float, disks: Disks) -> MultiPolygon:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,19 +160,30 @@ class Turns:
     ----------
     most : int
         So many take turns first come, first served, in the order of decisions.
+    waiting : mapping
+        Of a large crowd: robots that were put off -> for how many steps. For those that have waited longer than the one
+        that asks turns are kept, until they are decided: else most would wait as long as they can, and then seek all in
+        one step.
 
     Notes
     -----
     It counts searches, not time: the outcome does not depend on the machine.
     """
 
-    def __init__(self, most: int) -> None:
-        self._left = most
+    def __init__(self, most: int, waiting: Mapping[str, int] = MappingProxyType({})) -> None:
+        self._left, self._waiting = most, dict(waiting)
 
-    def take(self, waited: int) -> bool:
+    def take(self, name: str, waited: int) -> bool:
         """Whether a robot may seek now that was put off for so many steps; after six it may in any case."""
-        self._left -= 1
-        return self._left >= 0 or waited >= _LONGEST_WAIT
+        self.skip(name)
+        kept = sum(longer > waited for longer in self._waiting.values())
+        granted = self._left > kept or waited >= _LONGEST_WAIT
+        self._left -= granted
+        return granted
+
+    def skip(self, name: str) -> None:
+        """Keep no turn for a robot: it was decided."""
+        self._waiting.pop(name, None)
 
 
 class Cast:

@@ -182,13 +182,13 @@ class GroundNavigator:
         self._hear(heard, goals)
         self._before = dict(self._memory)
         self._cast, sequence = Cast(), self._rank(time, states, goals)
-        sought = self._right_of_way.sought if len(self.robots) > self.settings.crowd else 0
-        self._turns = Turns(max(1, self.settings.searches_per_step - _PLACE_SEARCH * sought))
+        self._turns = self._share_turns()
         decided: dict[str, PlannedPath | Stop] = {}
         for name in sequence:
             others = self._others(name, time, decided)
             decided[name] = self._decide(self.robots[name], time, states.get(name), goals.get(name), others)
             self._cast.forget(name)
+            self._turns.skip(name)
         stop_foreign = self._settle(time, decided)
         self._decisions = decisions = {name: decided[name] for name in self.served}
         for name, decision in decisions.items():
@@ -201,6 +201,14 @@ class GroundNavigator:
     def _area_context(self) -> AreaContext:
         assert self._context is not None
         return self._context
+
+    def _share_turns(self) -> Turns:
+        """Who may seek new ways in this step: in a crowd fewer where places to wait were sought."""
+        if len(self.robots) <= self.settings.crowd:
+            return Turns(self.settings.searches_per_step)
+        waiting = {name: memory.waited for name, memory in self._memory.items() if memory.waited > 0}
+        sought = _PLACE_SEARCH * self._right_of_way.sought
+        return Turns(max(1, self.settings.searches_per_step - sought), waiting)
 
     def _rank(
         self, time: float, states: Mapping[str, RobotState], goals: Mapping[str, tuple[float, float]]
@@ -230,11 +238,10 @@ class GroundNavigator:
                 self._memory[name] = replace(self._memory[name], plan=None)
 
     def _update_context(self, area: UnoccupiedArea) -> None:
-        is_crowd = len(self.robots) > self.settings.crowd
-        fresh = AreaContext(area, self.settings.simplification, _GRAIN if is_crowd else 0.0)
-        last = self._context
+        last, grain = self._context, _GRAIN if len(self.robots) > self.settings.crowd else 0.0
+        fresh = AreaContext(area, self.settings.simplification, grain)
         self._context, self._changed = self._trend.follow(last, fresh)
-        if last is not None and self._changed and is_crowd:
+        if last is not None and self._changed and grain > 0.0:
             self._context.prepare(last)
 
     def _others(

@@ -42,6 +42,7 @@ _PAUSE = (
     4  # in a crowd a path certified for a part of the window is followed for so many steps between searches
 )
 _CANDIDATES = 3  # in a crowd at most so many are adjusted in a search: what bars one mostly bars the next
+_CROWD_INTERVAL = 2  # in a crowd ways shorter than one that holds are sought so many times as seldom: few are
 _RETRY, _CROWD_RETRY = 2, 3  # a fruitless search is repeated every so many steps while things change
 _DETOUR = 1.3  # a path certified for a part of the window is left for one at most so much longer ...
 _MOST = 0.7  # ... unless it holds for less than this share of the window
@@ -188,12 +189,9 @@ def _to_target(
     """The best certified path towards the target, or why there is none."""
     if memory.plan is not None:
         attempt = replace(attempt, planning_distance=memory.plan.planning_distance)
-    best, memory = _followed(attempt, memory)
-    if best is None:
-        best, memory = _warm(attempt, memory)
-    if best is None or not attempt.is_full(best):
-        best = better(best, _kept(attempt, memory))
-    due = area_changed and memory.steps_since_search + 1 >= attempt.settings.search_interval
+    best, memory = _onwards(attempt, memory)
+    interval = attempt.settings.search_interval * (_CROWD_INTERVAL if attempt.crowd.is_large else 1)
+    due = area_changed and memory.steps_since_search + 1 >= interval
     if best is not None and attempt.is_full(best) and not due:
         return best, replace(memory, steps_since_search=memory.steps_since_search + 1)
     if best is not None and _is_patient(attempt, best, memory):
@@ -205,7 +203,7 @@ def _to_target(
         if memory.failure[0] == situation or waited < retry:
             return memory.failure[1], replace(memory, steps_since_search=waited)
     can_wait = attempt.is_lasting(best) if best is not None else may_stand(attempt)
-    if not attempt.turns.take(memory.waited if can_wait else _LONG):
+    if not attempt.turns.take(attempt.robot.id, memory.waited if can_wait else _LONG):
         return best or _until_its_turn(attempt), replace(memory, waited=memory.waited + 1)
     memory = replace(memory, steps_since_search=0, failure=None, waited=0)
     found = _search(attempt, best, memory)
@@ -247,14 +245,21 @@ def _until_its_turn(attempt: Attempt) -> Stop:
     return Stop(name, StopReason.NO_PATH, message)
 
 
-def _followed(attempt: Attempt, memory: RobotMemory) -> tuple[PlannedPath | None, RobotMemory]:
-    """In a crowd: the last path as it is, while it is certified for the whole window, for a few steps."""
-    settings = attempt.settings
-    if attempt.crowd.is_large and memory.followed < settings.followed_steps:
-        plan = _kept(attempt, memory)
-        if plan is not None and attempt.is_full(plan):
-            return plan, replace(memory, followed=memory.followed + 1)
-    return None, replace(memory, followed=0)
+def _onwards(attempt: Attempt, memory: RobotMemory) -> tuple[PlannedPath | None, RobotMemory]:
+    """The last path: adjusted again, or as it is where that is certified for longer.
+
+    In a crowd as it is for a few steps, while it is certified for the whole window.
+    """
+    kept: PlannedPath | None = None
+    as_it_is = attempt.crowd.is_large and memory.followed < attempt.settings.followed_steps
+    if as_it_is:
+        kept = _kept(attempt, memory)
+        if kept is not None and attempt.is_full(kept):
+            return kept, replace(memory, followed=memory.followed + 1, waited=0)
+    best, memory = _warm(attempt, replace(memory, followed=0))
+    if best is None or not attempt.is_full(best):
+        best = better(best, kept if as_it_is else _kept(attempt, memory))
+    return best, memory
 
 
 def _warm(attempt: Attempt, memory: RobotMemory) -> tuple[PlannedPath | None, RobotMemory]:

@@ -108,9 +108,9 @@ def test_what_is_left_by_a_shrink_keeps_the_distance_and_little_is_lost(
     assert missed.area < 1e-6
 
 
-@given(seeds, distances, st.sampled_from((0.0, 0.003, 0.02, 0.2)))
+@given(seeds, distances, st.sampled_from((0.0, 0.003, 0.02, 0.2)), st.booleans())
 def test_a_reduction_with_simplification_keeps_the_distance_and_loses_what_it_says(
-    random_region: RegionMaker, seed: int, distance: float, simplification: float
+    random_region: RegionMaker, seed: int, distance: float, simplification: float, quick: bool
 ) -> None:
     generator = np.random.default_rng(seed)
     # Many short edges and tiny obstacles near the walls: what simplification likes to leave out.
@@ -122,7 +122,7 @@ def test_a_reduction_with_simplification_keeps_the_distance_and_loses_what_it_sa
             shapely.make_valid(rough), shapely.union_all(shapely.buffer(crumbs, 0.01, quad_segs=1))
         )
     )
-    left = reduce_area(region, distance, simplification)
+    left = reduce_area(region, distance, simplification, quick)
     if not left.is_empty:
         assert shapely.covers(region, outline(left)).all()
         assert shapely.distance(outline(left), region.boundary).min() >= distance - 1e-9

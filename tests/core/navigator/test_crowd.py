@@ -107,5 +107,21 @@ def test_who_comes_near_within_the_window_is_kept_away_from(seed: int) -> None:
 
 def test_turns_are_taken_first_come_first_served_and_after_six_steps_in_any_case() -> None:
     turns = Turns(2)
-    assert [turns.take(0) for _ in range(4)] == [True, True, False, False]
-    assert [turns.take(waited) for waited in range(4, 8)] == [False, False, True, True]
+    assert [turns.take(name, 0) for name in "abcd"] == [True, True, False, False]
+    assert [turns.take(name, waited) for name, waited in zip("abcd", range(4, 8), strict=True)] == [
+        False,
+        False,
+        True,
+        True,
+    ]
+
+
+def test_turns_are_kept_for_those_that_have_waited_longer_until_they_are_decided() -> None:
+    turns = Turns(3, {"late": 5, "later": 3, "last": 1})
+    assert not turns.take("new", 0)
+    assert turns.take("last", 1)
+    turns.skip("later")
+    assert turns.take("other", 0)
+    assert not turns.take("another", 0)
+    assert turns.take("late", 5)
+    assert not turns.take("one more", 4)
