@@ -165,8 +165,13 @@ def _weighed(
 
 
 def _hurries(attempt: Attempt, memory: RobotMemory, decision: PlannedPath | Stop) -> bool:
-    """Whether to go on whatever may come nearer: not up to the end of a window, where no way out is left."""
-    return memory.hurry > 0 and isinstance(decision, PlannedPath) and attempt.is_lasting(decision)
+    """Whether to drive on whatever may come nearer.
+
+    Not up to the end of a window, where no way out is left; and who turns in place stands in the way of what comes.
+    """
+    if memory.hurry == 0 or isinstance(decision, Stop) or decision.path.turn_to is not None:
+        return False
+    return attempt.is_lasting(decision)
 
 
 def _with_progress(memory: RobotMemory, plan: PlannedPath, stride: float) -> RobotMemory:
