@@ -14,6 +14,7 @@ from snnav_ros.bag.settings import (
     POSE_TOPIC,
     SCAN_TOPIC,
     EvaluationSettings,
+    FreeSpaceSettings,
     NetworkSettings,
     ReplaySettings,
     TracksSettings,
@@ -30,13 +31,15 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     _add_replay(subparsers)
     _add_tracks(subparsers)
     _add_windows(subparsers)
+    _add_depth_import(subparsers)
+    _add_free_space(subparsers)
 
 
-def _deferred(module: str) -> Callable[[argparse.Namespace], int]:
+def _deferred(module: str, function: str = "run") -> Callable[[argparse.Namespace], int]:
     """Return a function that imports what the subcommand needs only when it is run (numba takes a second)."""
 
     def call(arguments: argparse.Namespace) -> int:
-        status: int = import_module(f"snnav_ros.bag.{module}").run(arguments)
+        status: int = getattr(import_module(f"snnav_ros.bag.{module}"), function)(arguments)
         return status
 
     return call
@@ -227,3 +230,70 @@ def _add_windows(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]
     _add_part(parser)
     parser.add_argument("--out", metavar="FILE.png", type=Path, help="draw (default: nothing is drawn)")
     parser.set_defaults(func=_deferred("run_windows"))
+
+
+def _add_depth_import(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = subparsers.add_parser(
+        "import-depth",
+        help="turn depth images or PCD files of fixed cameras into a bag of clouds",
+        description="Turn 16-bit depth images or organized PCD files of fixed cameras into a rosbag2 bag: for every "
+        "camera sensors/ID/points (PointCloud2) and sensors/ID/camera_info, and their poses on tf_static.",
+    )
+    parser.add_argument(
+        "cameras",
+        metavar="CAMERAS.yaml",
+        type=Path,
+        help="files, models and poses of the cameras, YAML or JSON",
+    )
+    parser.add_argument("bag", metavar="BAG", type=Path, help="bag to make; must not exist")
+    parser.set_defaults(func=_deferred("run_import", "run_depth"))
+
+
+def _add_free_space(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    defaults = {field.name: field.default for field in fields(FreeSpaceSettings)}
+    parser = subparsers.add_parser(
+        "free-space",
+        help="find the free space of recorded depth cameras, test it by each other's hits, fly through it",
+        description="Carve free space out of the images of fixed depth cameras, count how many hits of every other "
+        "camera lie in what one camera alone calls free, and let a simulated robot fly through what all show. Exit "
+        "status 1 when 1 % or more of the hits of a camera lie in free space, or the robot does not reach its "
+        "target or its margin is violated.",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    parser._negative_number_matcher = re.compile(r"-[\d.]")  # type: ignore[attr-defined] # "-1,2" is no option
+    parser.add_argument("bag", metavar="BAG", type=Path, help="rosbag2 directory, .mcap, .db3 or ROS 1 .bag")
+    for option, name, text in (
+        ("--from", "begin", "where the robot starts [m] (default: far from --to, where there is most room)"),
+        ("--to", "end", "its target [m] (default: far from --from)"),
+    ):
+        parser.add_argument(
+            option, dest=name, metavar="X,Y,Z", type=_point, default=argparse.SUPPRESS, help=text
+        )
+    for flag, name, text in (
+        ("--range-accuracy", "range_accuracy", "ranges are wrong by no more than this [m]"),
+        ("--range-growth", "range_growth", "and this times the range squared [1/m]"),
+        ("--pose-accuracy", "pose_accuracy", "what a camera sees may be shifted by so much in the map [m]"),
+    ):
+        parser.add_argument(flag, type=_number(0.0), default=defaults[name], help=text)
+    for flag, name, text in (
+        ("--range-max", "range_max", "longer readings are no measurement [m]"),
+        ("--spacing", "grid_spacing", "edge of the cells in which the free region is known [m]"),
+        ("--margin", "safety_margin", "from the robot's centre to what is not known to be free [m]"),
+        ("--radius", "radius", "of the robot [m]"),
+        ("--speed", "speed", "of the robot [m/s]"),
+        ("--turn-rate", "max_turn_rate", "of the robot [rad/s]"),
+    ):
+        parser.add_argument(flag, dest=name, type=_number(0.0, above=True), default=defaults[name], help=text)
+    parser.add_argument("--seed", type=_whole(0), default=defaults["seed"], help="of the roadmaps")
+    parser.add_argument(
+        "--out", metavar="DIR", type=Path, help="directory of results (default: runs/BAG-free-space)"
+    )
+    parser.add_argument("--no-figures", action="store_true", help="draw nothing")
+    parser.set_defaults(func=_deferred("run_free_space"))
+
+
+def _point(text: str) -> tuple[float, ...]:
+    name, values = _labelled("X,Y,Z")(text)
+    if name:
+        raise argparse.ArgumentTypeError(f"{text!r} is not X,Y,Z with finite numbers")
+    return values

@@ -10,6 +10,7 @@ __all__ = [
     "POSE_TOPIC",
     "SCAN_TOPIC",
     "EvaluationSettings",
+    "FreeSpaceSettings",
     "NetworkSettings",
     "ReplaySettings",
     "TracksSettings",
@@ -130,3 +131,41 @@ class TracksSettings:
     top_speed: float = 2.0
     range_noise: float = 0.01
     free_depth: float = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class FreeSpaceSettings:
+    """How the free region of recorded depth cameras is found, and who flies through it; lengths in m, times in s.
+
+    Parameters
+    ----------
+    range_accuracy, range_growth, pose_accuracy : float
+        By how much cameras are wrong at most, see `CameraErrors`.
+    range_max : float
+        Longer readings are no measurement.
+    grid_spacing : float
+        Edge of a cell.
+    safety_margin : float
+        From a robot's centre to whatever is not known to be free.
+    radius, speed, max_turn_rate : float
+        Of the robot.
+    sampling_interval, control_period : float
+    time_window : int
+        In sampling intervals.
+    seed : int
+        Of the roadmaps.
+    """
+
+    range_accuracy: float = 0.01
+    range_growth: float = 0.003
+    pose_accuracy: float = 0.1
+    range_max: float = 9.0
+    grid_spacing: float = 0.04
+    safety_margin: float = 0.12
+    radius: float = 0.08
+    speed: float = 0.3
+    max_turn_rate: float = 3.0
+    sampling_interval: float = 0.2
+    control_period: float = 0.05
+    time_window: int = 6
+    seed: int = 1

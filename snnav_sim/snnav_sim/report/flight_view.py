@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,25 +24,46 @@ _MOST_ROWS = 1500
 _AIM = 0.6  # [m]; length of the line that shows where a camera looks
 
 
-def write_flight_view(scene: SpaceScene, record: FlightRecord, file: Path) -> None:
+def write_flight_view(
+    scene: SpaceScene,
+    record: FlightRecord,
+    file: Path,
+    clearances: Mapping[str, FloatArray] | None = None,
+    hits: FloatArray | None = None,
+) -> None:
     """Write the view of a run.
+
+    Parameters
+    ----------
+    scene : SpaceScene
+    record : FlightRecord
+    file : Path
+    clearances : mapping, optional
+        Robot id -> distance to be shown at every row of its trajectory [m]; to the nearest true body by default.
+    hits : ndarray, shape (N, 3), optional
+        Measured points to be shown as dots [m, map].
 
     Notes
     -----
     Long runs are shown every second, third, ... control period, so that there are at most 1500 moments.
     """
-    text = json.dumps(_content(scene, record), separators=(",", ":"), allow_nan=False)
+    text = json.dumps(_content(scene, record, clearances, hits), separators=(",", ":"), allow_nan=False)
     page = _TEMPLATE.read_text(encoding="utf-8")
     page = page.replace("TITLE", html.escape(scene.name)).replace("DATA", text.replace("</", "<\\/"), 1)
     file.write_text(page, encoding="utf-8")
 
 
-def _content(scene: SpaceScene, record: FlightRecord) -> dict[str, Any]:
+def _content(
+    scene: SpaceScene,
+    record: FlightRecord,
+    clearances: Mapping[str, FloatArray] | None,
+    hits: FloatArray | None,
+) -> dict[str, Any]:
     rows = {robot.id: record.trajectory(robot.id) for robot in scene.robots}
     count = max((len(each) for each in rows.values()), default=0)
     stride = max(1, -(-count // _MOST_ROWS))
     times = np.round(np.arange(0, count, stride) * scene.control_period, 3)
-    clearances = flight_clearances(scene, record)
+    clearances = flight_clearances(scene, record) if clearances is None else clearances
     return {
         "name": scene.name,
         "low": scene.low,
@@ -50,6 +72,7 @@ def _content(scene: SpaceScene, record: FlightRecord) -> dict[str, Any]:
         "period": stride * scene.control_period,
         "times": times.tolist(),
         "faces": [_rounded(face) for body in scene.obstacles for face in faces_of(body.solid)],
+        "hits": [] if hits is None else _rounded(hits),
         "movers": [
             {
                 "faces": [_rounded(face) for face in faces_of(mover.solid)],
