@@ -1,82 +1,39 @@
-"""A simulated robot flies through free space that real cameras recorded: a snapshot in which nothing moves."""
+"""Simulated robots fly through free space that real cameras recorded: a snapshot in which nothing moves."""
 
 from __future__ import annotations
 
-import time as clock
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from snnav_core.area.spatial import SpatialArea
-from snnav_core.flight_types import FlyerState
-from snnav_core.navigator.flight import FlightNavigator
-from snnav_core.tracking.spatial import SpatialTracker, SpatialTrackerSettings
-from snnav_core.types import FloatArray, Stop
-from snnav_sim.configure_flight import flight_settings
-from snnav_sim.devices.flyer_base import FlyerBase
-from snnav_sim.ending import EndWatch
-from snnav_sim.report.flight_record import FlightRecord
-from snnav_sim.report.record import Decision
+from snnav_core.sensing.depth import DepthImage
+from snnav_core.types import FloatArray
+from snnav_sim.simulation_flight import FlightSimulation
 from snnav_sim.space_types import SpaceScene
 
-__all__ = ["far_apart", "fly_through"]
+__all__ = ["RecordedFlight", "far_apart"]
 
 
-def fly_through(scene: SpaceScene, area: SpatialArea) -> FlightRecord:
-    """Let the robots of a scene fly through an area that stays as it is.
+class RecordedFlight(FlightSimulation):
+    """The robots of a scene in an area that stays as it is.
 
     Parameters
     ----------
     scene : SpaceScene
-        Robots, margins and times; what it says of bodies and sensors is not used.
+        Robots, margins and times; its sensors are not asked.
     area : SpatialArea
         Given to the navigator at every sampling instant.
     """
-    record = FlightRecord(scene.seed)
-    navigator = FlightNavigator([robot.spec for robot in scene.robots], flight_settings(scene, scene.seed))
-    goals = {robot.id: np.array(robot.target) for robot in scene.robots}
-    bases = {robot.id: FlyerBase(robot.state, robot.spec) for robot in scene.robots}
-    period = scene.control_period
-    trackers = {
-        robot.id: SpatialTracker(robot.spec, SpatialTrackerSettings(), period) for robot in scene.robots
-    }
-    watch, tick = EndWatch(scene), 0
-    while not record.reason:
-        time = round(tick * period, 9)
-        states = {name: base.state for name, base in bases.items()}
-        begin = clock.perf_counter()
-        result = navigator.step(time, replace(area, stamp=time), states, goals)
-        record.planner_seconds.append(clock.perf_counter() - begin)
-        for name, decision in result.decisions.items():
-            record.decisions.append(Decision.of(time, decision))
-            if isinstance(decision, Stop):
-                trackers[name].set_path(None)
-            else:
-                ahead = states[name].direction if states[name].speed > 0.0 else None
-                trackers[name].set_path(decision.path, ahead, decision.certificate.valid_until)
-        stops = {name: d.reason.value for name, d in result.decisions.items() if isinstance(d, Stop)}
-        record.reason = watch.update(time, stops)
-        for _ in range(scene.ticks_per_sample):
-            _move(round(tick * period, 9), period, bases, trackers, record)
-            tick += 1
-    return record
 
+    def __init__(self, scene: SpaceScene, area: SpatialArea) -> None:
+        super().__init__(replace(scene, sensors=()))
+        self._area = area
 
-def _move(
-    time: float,
-    period: float,
-    bases: dict[str, FlyerBase],
-    trackers: dict[str, SpatialTracker],
-    record: FlightRecord,
-) -> None:
-    """Let all robots fly for one control period."""
-    for name, base in bases.items():
-        state = FlyerState(name, base.state.position, base.state.direction, time, base.state.speed)
-        command = trackers[name].command(state, time)
-        base.apply(command, period)
-        record.add_flight(name, time, state, base.command)
-        if command.speed > 0.0:
-            record.add_error(name, time, trackers[name].distance_error, trackers[name].angle_error)
+    def _fuse(self, time: float, images: Sequence[tuple[str, DepthImage]]) -> SpatialArea:
+        """Return the area as of now: nothing moves."""
+        return replace(self._area, stamp=time)
 
 
 def far_apart(area: SpatialArea, distance: float) -> tuple[FloatArray, FloatArray] | None:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import time as clock
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from snnav_core.area.robots import RobotTrack
+from snnav_core.area.spatial import SpatialArea
 from snnav_core.errors import InvalidInput
 from snnav_core.flight_types import FlyerState
 from snnav_core.navigator.flight import FlightNavigator
 from snnav_core.navigator.flight_settings import FlightDistances
 from snnav_core.planning.adjustment import resample
+from snnav_core.sensing.depth import DepthImage
 from snnav_core.tracking.spatial import SpatialTracker, SpatialTrackerSettings
 from snnav_core.types import PlannedPath, StepResult, Stop, StopReason, TimedPath
 from snnav_sim.closed_loop import ClosedLoop
@@ -91,12 +94,7 @@ class FlightSimulation(ClosedLoop[SpaceScene, FlightRecord]):
         time = self.time
         images = [(feed.device.sensor.id, image) for feed in self._feeds for image in feed.arrivals(time)]
         begin = clock.perf_counter()
-        for sensor_id, image in images:
-            try:
-                self.fusion.add_image(sensor_id, image, time)
-            except InvalidInput as error:
-                self.record.add_rejection(sensor_id, str(error))
-        area = self.fusion.area(time)
+        area = self._fuse(time, images)
         fused = clock.perf_counter()
         states = {name: flyer.base.state for name, flyer in self._flyers.items() if name in self._goals}
         result = self.navigator.step(time, area, states, self._goals)
@@ -105,6 +103,15 @@ class FlightSimulation(ClosedLoop[SpaceScene, FlightRecord]):
         self._obey(result, self._flyers)
         on_curves = {name: stop for name in self._flyers if (stop := self._along_curve(name, time))}
         return StepResult(time, {**result.decisions, **on_curves})
+
+    def _fuse(self, time: float, images: Sequence[tuple[str, DepthImage]]) -> SpatialArea:
+        """Take in what the cameras sent and return what is proved free."""
+        for sensor_id, image in images:
+            try:
+                self.fusion.add_image(sensor_id, image, time)
+            except InvalidInput as error:
+                self.record.add_rejection(sensor_id, str(error))
+        return self.fusion.area(time)
 
     def move(self) -> None:
         """Let all robots fly for one control period; the sample of its start is recorded."""

@@ -262,29 +262,27 @@ def _add_free_space(subparsers: argparse._SubParsersAction[argparse.ArgumentPars
     )
     parser._negative_number_matcher = re.compile(r"-[\d.]")  # type: ignore[attr-defined] # "-1,2" is no option
     parser.add_argument("bag", metavar="BAG", type=Path, help="rosbag2 directory, .mcap, .db3 or ROS 1 .bag")
-    for option, name, text in (
-        ("--from", "begin", "where the robot starts [m] (default: far from --to, where there is most room)"),
-        ("--to", "end", "its target [m] (default: far from --from)"),
+    for option, text in (
+        ("--robot", "where the robot starts [m] (default: chosen, far from its goal)"),
+        ("--goal", "where it shall go [m] (default: chosen where there is most room)"),
     ):
-        parser.add_argument(
-            option, dest=name, metavar="X,Y,Z", type=_point, default=argparse.SUPPRESS, help=text
-        )
+        parser.add_argument(option, metavar="X,Y,Z", type=_point, default=argparse.SUPPRESS, help=text)
     for flag, name, text in (
         ("--range-accuracy", "range_accuracy", "ranges are wrong by no more than this [m]"),
         ("--range-growth", "range_growth", "and this times the range squared [1/m]"),
         ("--pose-accuracy", "pose_accuracy", "what a camera sees may be shifted by so much in the map [m]"),
     ):
-        parser.add_argument(flag, type=_number(0.0), default=defaults[name], help=text)
-    for flag, name, text in (
+        parser.add_argument(flag, type=number(0.0), default=defaults[name], help=text)
+    rows = (
         ("--range-max", "range_max", "longer readings are no measurement [m]"),
         ("--spacing", "grid_spacing", "edge of the cells in which the free region is known [m]"),
-        ("--margin", "safety_margin", "from the robot's centre to what is not known to be free [m]"),
         ("--radius", "radius", "of the robot [m]"),
         ("--speed", "speed", "of the robot [m/s]"),
         ("--turn-rate", "max_turn_rate", "of the robot [rad/s]"),
-    ):
-        parser.add_argument(flag, dest=name, type=_number(0.0, above=True), default=defaults[name], help=text)
-    parser.add_argument("--seed", type=_whole(0), default=defaults["seed"], help="of the roadmaps")
+        ("--margin", "safety_margin", "from the robot's centre to what is not known to be free [m]"),
+    )
+    _add_settings(parser, FreeSpaceSettings, rows)
+    parser.add_argument("--seed", type=whole(0), default=defaults["seed"], help="of the roadmaps")
     parser.add_argument(
         "--out", metavar="DIR", type=Path, help="directory of results (default: runs/BAG-free-space)"
     )
@@ -293,7 +291,7 @@ def _add_free_space(subparsers: argparse._SubParsersAction[argparse.ArgumentPars
 
 
 def _point(text: str) -> tuple[float, ...]:
-    name, values = _labelled("X,Y,Z")(text)
+    name, values = labelled("X,Y,Z")(text)
     if name:
         raise argparse.ArgumentTypeError(f"{text!r} is not X,Y,Z with finite numbers")
     return values

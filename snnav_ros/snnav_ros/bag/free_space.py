@@ -16,7 +16,7 @@ from snnav_core.types import FloatArray
 from snnav_ros.bag.errors import NetworkError
 from snnav_ros.bag.recorded_depth import DepthRecording
 from snnav_ros.bag.settings import FreeSpaceSettings
-from snnav_sim.report.cross_view import CrossView, compare_views
+from snnav_sim.report.cross_view import CrossView, compare_views, values_at
 
 __all__ = ["FreeSpace", "find_free_space"]
 
@@ -37,12 +37,15 @@ class FreeSpace:
         The region that all cameras together show free over the whole recording, errors taken off.
     hits : ndarray, shape (N, 3)
         All measurements of all images of all cameras [m, map].
+    hits_inside : int
+        How many of these lie in the region.
     """
 
     grid: Grid
     views: tuple[CrossView, ...]
     area: SpatialArea
     hits: FloatArray
+    hits_inside: int
 
 
 def find_free_space(
@@ -81,7 +84,8 @@ def find_free_space(
             progress(len(views))
     shown = [outlooks[name].clearance(least_of(images, 0.0)) for name, images in recording.images.items()]
     area = common_area(shown, grid, settings.pose_accuracy, 0.0)
-    return FreeSpace(grid, tuple(views), area, hits)
+    inside = int(np.count_nonzero(values_at(area.moving, grid, hits) > 0.0))
+    return FreeSpace(grid, tuple(views), area, hits, inside)
 
 
 def _grid(recording: DepthRecording, hits: FloatArray, settings: FreeSpaceSettings) -> Grid:

@@ -137,6 +137,8 @@ def _columns(path: Path, header: _Header, body: bytes) -> dict[str, FloatArray]:
 
 def _numbers(path: Path, header: _Header, body: bytes) -> dict[str, FloatArray]:
     """Return the fields of data that is stored as text."""
+    if not body.endswith(b"\n"):
+        raise BagError(f"{path}: ends within a line; it is cut short, {_AGAIN}")
     names = header.kind.names or ()
     widths = [header.kind[name].shape[0] for name in names]
     try:

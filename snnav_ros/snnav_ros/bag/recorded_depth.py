@@ -16,12 +16,12 @@ from snnav_core.types import FloatArray
 from snnav_ros.bag.cameras_file import OPTICAL
 from snnav_ros.bag.errors import BagError
 from snnav_ros.bag.reader import BagReader
-from snnav_ros.convert import MAP_FRAME, nanoseconds_from_stamp
+from snnav_ros.convert import MAP_FRAME, image_from_message, nanoseconds_from_stamp
 
 __all__ = ["DepthRecording", "read_depth_recording"]
 
 _CLOUD, _INFO = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/CameraInfo"
-_FLOATS = {7: "<f4", 8: "<f8"}
+_SAME = 1e-6  # between two frames: their axes, and their places [m]
 _MOST_FRAMES = 100
 _WANTED = "clouds NAME/points with NAME/camera_info beside them, and /tf_static (`snnav import-depth` writes such bags)"
 
@@ -178,45 +178,33 @@ def _images(
     start_ns: int,
 ) -> tuple[tuple[DepthImage, ...], list[str]]:
     """Return the usable images of a camera by time, one for each stamp, and what is wrong with the others."""
-    images: dict[float, DepthImage] = {}
+    images: dict[int, DepthImage] = {}
     faults = []
     for message in clouds:
-        stamp = (nanoseconds_from_stamp(message.header.stamp) - start_ns) * 1e-9
+        stamp_ns = nanoseconds_from_stamp(message.header.stamp) - start_ns
         try:
-            pose = _placed(path, message.header.frame_id, frames)
-            points = _points(message) @ pose[:3, :3].T + pose[:3, 3]
-            image = camera.image_from_points(stamp, (points - camera.position) @ camera.rotation)
+            optical = _is_optical(camera, _placed(path, message.header.frame_id, frames))
+            image = image_from_message(message, camera, optical=optical)
             if not np.isfinite(image.measured(camera.model)).any():
                 raise InvalidInput("no reading within the range")
+            if stamp_ns in images:
+                raise InvalidInput(f"two clouds with the stamp {stamp_ns * 1e-9:.3f} s")
         except InvalidInput as error:
             faults.append(str(error))
             continue
-        if stamp in images:
-            faults.append(f"two clouds with the stamp {stamp:.3f} s")
-            continue
-        images[stamp] = image
-    return tuple(images[stamp] for stamp in sorted(images)), faults
+        images[stamp_ns] = DepthImage(stamp_ns * 1e-9, image.ranges)
+    return tuple(images[stamp_ns] for stamp_ns in sorted(images)), faults
 
 
-def _points(message: Any) -> FloatArray:
-    """Return the points of an organized cloud, (rows, columns, 3), NaN where there is none."""
-    fields = {field.name: (int(field.offset), int(field.datatype)) for field in message.fields}
-    if not {"x", "y", "z"} <= fields.keys() or any(fields[name][1] not in _FLOATS for name in "xyz"):
-        raise InvalidInput(f"fields {sorted(fields)} hold no x, y, z as floats")
-    rows, columns, step = int(message.height), int(message.width), int(message.point_step)
-    data = bytes(memoryview(message.data))
-    stride = int(message.row_step)
-    if message.is_bigendian or stride < columns * step or len(data) < rows * stride:
-        raise InvalidInput(f"{len(data)} bytes for {columns} x {rows} points of {step} bytes")
-    kind = np.dtype(
-        {
-            "names": ["x", "y", "z"],
-            "formats": [_FLOATS[fields[name][1]] for name in "xyz"],
-            "offsets": [fields[name][0] for name in "xyz"],
-            "itemsize": step,
-        }
+def _is_optical(camera: DepthCamera, pose: FloatArray) -> bool:
+    """Tell whether a frame (4, 4) [map] is the optical one of a camera, or the one that looks along x."""
+    for optical, rotation in ((False, camera.rotation), (True, camera.rotation @ OPTICAL)):
+        if (
+            np.abs(pose[:3, :3] - rotation).max() < _SAME
+            and np.abs(pose[:3, 3] - camera.position).max() < _SAME
+        ):
+            return optical
+    raise InvalidInput(
+        "the frame of the cloud is neither that of its camera model nor the same with x forward and z up; "
+        "publish the cloud in the frame of its camera_info"
     )
-    lines = np.frombuffer(data, dtype=np.uint8, count=rows * stride).reshape(rows, stride)
-    records = np.ascontiguousarray(lines[:, : columns * step]).view(kind)
-    points = np.stack([records[name].astype(np.float64) for name in "xyz"], axis=-1)
-    return np.where(np.isfinite(points).all(axis=-1, keepdims=True), points, np.nan)

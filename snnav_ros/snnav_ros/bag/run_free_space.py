@@ -27,7 +27,7 @@ from snnav_ros.bag.recorded_depth import DepthRecording, read_depth_recording
 from snnav_ros.bag.settings import FreeSpaceSettings
 from snnav_ros.run_display import make_console
 from snnav_sim.configure_flight import flight_settings
-from snnav_sim.recorded_flight import far_apart, fly_through
+from snnav_sim.recorded_flight import RecordedFlight, far_apart
 from snnav_sim.report.cross_view import CrossView
 from snnav_sim.report.flight_record import FlightRecord
 from snnav_sim.report.recorded_flight_metrics import recorded_flight_metrics
@@ -60,12 +60,12 @@ def run(arguments: argparse.Namespace) -> int:
         space = find_free_space(recording, settings, progress)
     ends = _ends(arguments, space.area, settings)
     scene = _scene(recording, space, settings, ends)
-    record = fly_through(scene, space.area)
+    record = RecordedFlight(scene, space.area).run()
     flight = recorded_flight_metrics(scene, record, space.area, space.hits)
     metrics = _metrics(recording, space, flight)
 
     def fill(draft: Path) -> None:
-        how = {"bag": str(recording.path), "settings": asdict(settings), "from": ends[0], "to": ends[1]}
+        how = {"bag": str(recording.path), "settings": asdict(settings), "robot": ends[0], "goal": ends[1]}
         _write_json(draft / _MARK, how)
         _write_json(draft / "metrics.json", metrics)
         _write_views(draft / "cross_views.csv", space.views)
@@ -84,9 +84,9 @@ def _ends(
     arguments: argparse.Namespace, area: SpatialArea, settings: FreeSpaceSettings
 ) -> tuple[Point3, Point3]:
     """Return start and target: as given, else far apart in the largest part in which there is room for a flight."""
-    begin, end = (getattr(arguments, name, None) for name in ("begin", "end"))
+    begin, end = (getattr(arguments, name, None) for name in ("robot", "goal"))
     if (begin is None) != (end is None):
-        raise NetworkError("--from and --to go together; give both, or none to have them chosen")
+        raise NetworkError("--robot and --goal go together; give both, or none to have them chosen")
     if begin is not None and end is not None:
         return begin, end
     # What is planned for at most: the margin, the tolerance, half a diagonal that may be lost between cells.
@@ -157,6 +157,7 @@ def _metrics(recording: DepthRecording, space: FreeSpace, flight: dict[str, Any]
         "hits": len(space.hits),
         "views": [view.summary() for view in space.views],
         "grid": {"shape": list(space.grid.shape), "spacing": space.grid.spacing},
+        "hits_in_free_region": space.hits_inside,
         "free_volume": round(float(np.count_nonzero(space.area.moving > 0.0)) * cell, 3),
         "flight": flight,
     }
@@ -170,7 +171,8 @@ def _tell(
         console.print(_table(space.views, settings))
     volume = float(np.count_nonzero(space.area.moving > 0.0)) * space.grid.spacing**3
     console.print(
-        f"all cameras: {volume:.2f} m³ free, {settings.pose_accuracy:g} m and the errors of the ranges taken off",
+        f"all cameras: {volume:.2f} m³ free, {settings.pose_accuracy:g} m and the errors of the ranges taken off; "
+        f"{space.hits_inside} of {len(space.hits)} hits lie in it",
         highlight=False,
     )
     verdict = (
@@ -183,7 +185,7 @@ def _tell(
         console.print(
             f"{flight['travelled_length']:.2f} m flown, {flight['paths']} certified paths; never nearer than "
             f"{flight['least_clearance']:.3f} m to what is not known to be free (margin {settings.safety_margin:g} m) "
-            f"and {flight['nearest_hit']:.3f} m to any of {len(space.hits)} hits",
+            f"and {flight['nearest_hit']:.3f} m to any hit",
             highlight=False,
         )
 

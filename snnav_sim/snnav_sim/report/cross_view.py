@@ -14,7 +14,7 @@ from snnav_core.area.grid import Grid
 from snnav_core.sensing.depth import DepthCamera, DepthImage
 from snnav_core.types import FloatArray
 
-__all__ = ["MARGINS", "CrossView", "compare_views"]
+__all__ = ["MARGINS", "CrossView", "compare_views", "values_at"]
 
 MARGINS = (0.0, 0.025, 0.05, 0.075, 0.1, 0.15, 0.2, 0.3)
 """Distances from all that is not shown free [m]: what is nearer is not called free."""
@@ -125,7 +125,7 @@ def compare_views(
         points = other.cloud(others).reshape(-1, 3)
         seen, hidden = _seen(outlook.camera, image, points[np.isfinite(points[:, 0])])
         hits, opened = hits + len(seen), opened + int(np.count_nonzero(~hidden))
-        at_hits = _of_cells(clearance, grid, seen)
+        at_hits = values_at(clearance, grid, seen)
         carved += int(np.count_nonzero(at_hits > 0.0))
         deep = at_hits[at_hits > 0.0] - grid.half_diagonal
         worst = max(worst, np.count_nonzero(deep >= margin) / max(len(seen), 1))
@@ -151,8 +151,8 @@ def _seen(camera: DepthCamera, image: DepthImage, points: FloatArray) -> tuple[F
     return points[within], ranges[within] > measured + _OPEN
 
 
-def _of_cells(field: NDArray[np.float32], grid: Grid, points: FloatArray) -> FloatArray:
-    """Return the values of the cells in which points lie, 0 outside of the grid."""
+def values_at(field: NDArray[np.float32], grid: Grid, points: FloatArray) -> FloatArray:
+    """Return the values (N,) of the cells in which points (N, 3) lie, 0 outside of the grid."""
     cells = np.floor((points - grid.origin) / grid.spacing).astype(int)
     inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
     values = np.zeros(len(points))
