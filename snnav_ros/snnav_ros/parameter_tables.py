@@ -10,11 +10,12 @@ from typing import Any
 
 __all__ = ["parameter_table", "parameter_tables", "replaced"]
 
-_SENSOR, _ROBOT = "lms_1", "robot_1"
+_SENSOR, _CAMERA, _ROBOT = "lms_1", "tof_1", "robot_1"
 
 # What each node must be given, so that it starts without a scene.
 _EXAMPLES: dict[str, tuple[str, str, dict[str, Any]]] = {
     "lms200_node": ("lms200", "Lms200Node", {"scene": "hello", "sensor_id": "lms_west"}),
+    "tof_node": ("tof", "TofNode", {"scene": "hello_flight", "sensor_id": "south_west"}),
     "fusion_node": (
         "fusion",
         "FusionNode",
@@ -23,6 +24,17 @@ _EXAMPLES: dict[str, tuple[str, str, dict[str, Any]]] = {
             "sensors": [_SENSOR],
             f"{_SENSOR}.position": [0.0, 0.0],
             f"{_SENSOR}.heading_deg": 0.0,
+        },
+    ),
+    "fusion_node in space": (
+        "fusion",
+        "FusionNode",
+        {
+            "boundary_speed": 0.5,
+            "workspace": [0.0, 0.0, 0.0, 6.0, 5.0, 3.0],
+            "sensors": [_CAMERA],
+            f"{_CAMERA}.position": [0.1, 0.1, 2.9],
+            f"{_CAMERA}.look_at": [3.0, 2.5, 1.0],
         },
     ),
     "planner_node": (
@@ -80,10 +92,11 @@ def parameter_table(node: Any, given: dict[str, Any]) -> str:
     """Return the Markdown table of the parameters of one node; those in `given` have no default to show."""
     names = [name for name in node.get_parameters_by_prefix("") if name not in _OWN_OF_ROS]
     rows = ["| parameter | type | default | range | meaning |", "|---|---|---|---|---|"]
-    for name in sorted(names, key=lambda one: (one.startswith((_SENSOR, _ROBOT)), "." in one, one)):
+    for name in sorted(names, key=lambda one: (one.startswith((_SENSOR, _CAMERA, _ROBOT)), "." in one, one)):
         descriptor, value = node.describe_parameter(name), node.get_parameter(name).value
         default = "" if name in given else _shown(value)
-        shown = name.replace(f"{_SENSOR}.", "<sensor>.").replace(f"{_ROBOT}.", "<robot>.")
+        shown = name.replace(f"{_SENSOR}.", "<sensor>.").replace(f"{_CAMERA}.", "<sensor>.")
+        shown = shown.replace(f"{_ROBOT}.", "<robot>.")
         kind = descriptor.additional_constraints.removesuffix(", may stay unset")
         text = descriptor.description.replace("|", "\\|")
         rows.append(f"| `{shown}` | {kind} | {default} | {_range(descriptor)} | {text} |")

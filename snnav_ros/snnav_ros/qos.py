@@ -7,6 +7,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 __all__ = [
     "CLOCK",
     "CLOCK_INPUT",
+    "CLOUDS",
     "COMMAND",
     "DIAGNOSTICS",
     "DONE_INBOX",
@@ -17,6 +18,7 @@ __all__ = [
     "ODOMETRY_INPUT",
     "RECORDED",
     "SENSOR",
+    "VOLUMES",
     "for_mode",
 ]
 
@@ -31,7 +33,7 @@ def _profile(depth: int, *, reliable: bool = True, latched: bool = False) -> QoS
 
 
 SENSOR = _profile(5, reliable=False)
-"""`sensors/<id>/scan` in real time."""
+"""`sensors/<id>/scan`, `sensors/<id>/points` in real time."""
 
 LATCHED = _profile(1, latched=True)
 """`unoccupied_area`, `unoccupied_area/grid`."""
@@ -56,8 +58,14 @@ CLOCK_INPUT = _profile(1, reliable=False)
 """`/clock` free running; subscribers ask for best effort."""
 
 LOCKSTEP = _profile(100, latched=True)
-"""Every topic of a lockstep run, on both sides: nothing is lost, up to 100 scans of a sensor per tick, and who is
-discovered late gets what he waits for."""
+"""Every topic of a lockstep run but large ones (`CLOUDS`, `VOLUMES`), on both sides: nothing is lost, up to 100 scans
+of a sensor per tick, and who is discovered late gets what he waits for."""
+
+CLOUDS = _profile(10, latched=True)
+"""`sensors/<id>/points` in lockstep: nine images of a sensor per tick and the word that ends it; they are large."""
+
+VOLUMES = _profile(2, latched=True)
+"""`unoccupied_area` of space and its grid in lockstep: 6 MB each, and who needs one holds the clock."""
 
 DONE_INBOX = _profile(1000, latched=True)
 """`lockstep/done` at the clock: one inbox for the words of all participants."""

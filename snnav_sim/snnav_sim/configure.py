@@ -9,10 +9,12 @@ from snnav_core.navigator.settings import NavigatorSettings
 from snnav_core.planning.spacetime_problem import SpacetimeSettings
 from snnav_core.sensing.scan import LMS200_ERROR_CODES, ScanSettings
 from snnav_sim.scene_types import Scene, SensorScene
+from snnav_sim.space_types import SpaceScene
 
 __all__ = [
     "fusion_settings",
     "global_settings",
+    "longest_silence",
     "navigator_settings",
     "planar_sensor",
     "scan_settings",
@@ -47,22 +49,30 @@ def planar_sensor(sensor: SensorScene) -> PlanarSensor:
     return PlanarSensor(sensor.id, sensor.pose, scan_settings(sensor))
 
 
-def fusion_settings(scene: Scene) -> FusionSettings:
-    """Return the settings of the fusion: the speed bound, and how long a scan is usable.
+def longest_silence(scene: Scene | SpaceScene) -> float:
+    """Return the age from which on a scan or an image tells that its sensor is silent [s].
 
     Notes
     -----
     A sensor is silent once two of its scans in a row are missing. One that measures at the sampling instants has then
     none since before the last instant: 1.5 sampling intervals. One with a period of its own has a scan at any age up to
     the period when nothing is wrong, and up to two periods when one is missing.
-
-    Noisy outlines may lose half of the noise allowance when they are thinned out before the union.
     """
     periods = [sensor.scan_period for sensor in scene.sensors if sensor.scan_period is not None]
+    return max([1.5 * scene.sampling_interval, *(2.0 * period for period in periods)])
+
+
+def fusion_settings(scene: Scene) -> FusionSettings:
+    """Return the settings of the fusion: the speed bound, and how long a scan is usable.
+
+    Notes
+    -----
+    Noisy outlines may lose half of the noise allowance when they are thinned out before the union.
+    """
     noisy = any(sensor.noise == "lms200" for sensor in scene.sensors)
     return FusionSettings(
         boundary_speed=scene.boundary_speed,
-        max_scan_age=max([1.5 * scene.sampling_interval, *(2.0 * period for period in periods)]),
+        max_scan_age=longest_silence(scene),
         simplification=0.5 * _NOISE_ALLOWANCE if noisy else FusionSettings().simplification,
     )
 

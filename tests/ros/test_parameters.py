@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from snnav_core.area.fusion import FusionSettings
+from snnav_core.area.spatial_fusion import SpatialFusionSettings
 from snnav_core.errors import InvalidInput
 from snnav_core.navigator.flight_settings import FlightSettings
 from snnav_core.navigator.settings import NavigatorSettings
@@ -21,10 +22,13 @@ from snnav_core.planning.roadmap import RoadmapSettings
 from snnav_core.sensing.scan import ScanSettings
 from snnav_core.tracking.planar import TrackerSettings
 from snnav_core.tracking.spatial import SpatialTrackerSettings
+from snnav_ros.nodes.cameras import CameraParameters
 from snnav_ros.nodes.clock import ClockParameters
 from snnav_ros.nodes.fusion import FusionParameters
-from snnav_ros.nodes.lms200 import ScannerParameters
+from snnav_ros.nodes.fusion_plane import PlaneParameters
+from snnav_ros.nodes.fusion_space import SpaceParameters
 from snnav_ros.nodes.planner import PlannerParameters
+from snnav_ros.nodes.range_finder import RangeFinderParameters
 from snnav_ros.nodes.robot import RobotParameters
 from snnav_ros.parameter_files import ParameterFileError, check_parameter_files
 from snnav_ros.parameter_ranges import RANGES
@@ -33,7 +37,8 @@ from snnav_ros.parameters import ParameterError, ParameterReader, field_texts
 ALL = [
     FusionSettings, NavigatorSettings, AdjustmentSettings, ScanSettings, TrackerSettings,
     FlightSettings, RoadmapSettings, SpatialTrackerSettings,
-    ClockParameters, FusionParameters, ScannerParameters, PlannerParameters, RobotParameters,
+    ClockParameters, FusionParameters, PlaneParameters, SpaceParameters, SpatialFusionSettings, CameraParameters,
+    RangeFinderParameters, PlannerParameters, RobotParameters,
 ]  # fmt: skip
 
 

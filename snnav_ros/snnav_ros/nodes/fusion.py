@@ -1,47 +1,30 @@
-"""The node that makes the unoccupied area of the scans of all sensors."""
+"""The node that makes the unoccupied area of what all sensors saw, in the plane or in space."""
 
 from __future__ import annotations
 
 import time as clock
 from collections import deque
-from collections.abc import Callable, Iterable
-from dataclasses import MISSING, dataclass, fields
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 from diagnostic_msgs.msg import DiagnosticArray
-from nav_msgs.msg import OccupancyGrid, Odometry
-from sensor_msgs.msg import LaserScan, PointCloud2
-from visualization_msgs.msg import MarkerArray
+from nav_msgs.msg import Odometry
+from rclpy.qos import QoSProfile
 
-from snnav_core.area.fusion import AreaFusion, FusionSettings
-from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.errors import InvalidInput
 from snnav_core.types import RobotSpec
-from snnav_ros.convert import (
-    MAP_FRAME,
-    area_to_grid,
-    area_to_message,
-    check_frame,
-    grid_points,
-    is_nothing,
-    lost_to_message,
-    nanoseconds,
-    nanoseconds_from_stamp,
-    returns_to_message,
-    scan_from_message,
-    seconds,
-    seen_to_message,
-    state_from_message,
-)
+from snnav_ros.convert import MAP_FRAME, nanoseconds, nanoseconds_from_stamp, seconds
 from snnav_ros.lockstep import Participant
 from snnav_ros.nodes.base import ManagedNode, NodeOptions, diagnostics, serve, status
+from snnav_ros.nodes.fusion_plane import PlaneFusion
+from snnav_ros.nodes.fusion_space import SpaceFusion, read_workspace
 from snnav_ros.nodes.node_time import now_of, watch_time
 from snnav_ros.nodes.roster import Roster
-from snnav_ros.nodes.sensors import read_seen_robots, read_sensors
-from snnav_ros.qos import DIAGNOSTICS, LATCHED, ODOMETRY_INPUT, SENSOR, for_mode
+from snnav_ros.qos import DIAGNOSTICS, ODOMETRY_INPUT, for_mode
 from snnav_ros.scenes import read_scene
-from snnav_sim.configure import fusion_settings
+from snnav_sim.scene import AnyScene, SpaceScene
 
 __all__ = ["FusionNode", "FusionParameters"]
 
@@ -56,56 +39,102 @@ _Arrivals = dict[str, deque[tuple[int, Any]]]  # by sensor or robot: time of arr
 
 @dataclass(frozen=True)
 class FusionParameters:
-    """Parameters of the node besides those of the fusion and of the sensors.
+    """Parameters of the node in both worlds.
 
     Parameters
     ----------
     sampling_interval : float
         From one unoccupied area to the next [s].
-    grid_resolution : float
-        Side of a cell of `unoccupied_area/grid` [m].
-    seen_resolution : float
-        Distance between the points of `unoccupied_area/seen` [m].
     odometry_frames : tuple of str
         Frames of the odometry of robots that sensors see, as far as they coincide with the map; `{robot}` stands for
         the id of the robot.
     """
 
     sampling_interval: float = 1.0
-    grid_resolution: float = 0.2
-    seen_resolution: float = 0.5
     odometry_frames: tuple[str, ...] = (MAP_FRAME,)
 
 
-class FusionNode(ManagedNode):
-    """Hears `sensors/<id>/scan`, publishes `unoccupied_area`, what it lacks, its grid, and how the sensors are.
+class _Fusion(Protocol):
+    """The fusion of a world itself."""
 
+    def reset(self) -> None: ...
+
+    def add_robot(self, robot: RobotSpec) -> None: ...
+
+    def remove_robot(self, robot_id: str) -> None: ...
+
+    def latest_stamp(self, name: str, /) -> float | None: ...
+
+    def area(self, time: float) -> Any: ...
+
+
+class _World(Protocol):
+    """What differs between the plane and space (`PlaneFusion`, `SpaceFusion`)."""
+
+    measurement: str  # in messages: scan, image
+    channel: str  # last part of the topics
+    kind: Any  # type of the messages
+    sensors: Mapping[str, Any]
+    robots: list[RobotSpec]
+    sees_robots: bool
+    sensor_qos: QoSProfile
+    fusion: _Fusion
+
+    @property
+    def max_age(self) -> float: ...
+
+    def configure(self, robots: Iterable[RobotSpec]) -> None: ...
+
+    def is_nothing(self, message: Any) -> bool: ...
+
+    def take(self, name: str, message: Any, now: float) -> None: ...
+
+    def take_state(self, name: str, message: Odometry, frames: list[str], now: float) -> None: ...
+
+    def publish(self, area: Any, now: int) -> None: ...
+
+    def sensor_values(self, name: str, area: Any) -> dict[str, object]: ...
+
+    def area_values(self, area: Any) -> dict[str, object]: ...
+
+    def is_empty(self, area: Any) -> bool: ...
+
+
+class FusionNode(ManagedNode):
+    """Hears what sensors saw, publishes `unoccupied_area`, what goes with it, and how the sensors are.
+
+    In the plane these are `sensors/<id>/scan`, in space, for a scene there or a `workspace`, `sensors/<id>/points`.
     Where sensors see robots it hears their odometry too.
     """
 
     def __init__(self, options: NodeOptions | None = None) -> None:
         super().__init__("fusion_node", options or NodeOptions())
         scene = read_scene(self.reader)
-        self.sensors = {one.sensor.id: one for one in read_sensors(self.reader, scene)}
         accepts: bool = self.reader.value("accept_robots", bool, _ACCEPT_TEXT, True)
-        robots = read_seen_robots(self.reader, scene, list(self.sensors.values()), may_be_none=accepts)
-        self._sees = any(one.sensor.settings.sees_robots for one in self.sensors.values())
-        self._roster = Roster(self, scene, robots, accepts, self._join, self._leave)
+        self.world = self._read_world(scene, accepts)
+        self.sensors = self.world.sensors
+        self._roster = Roster(self, scene, self.world.robots, accepts, self._join, self._leave)
         interval = {} if scene is None else {"sampling_interval": scene.sampling_interval}
         self.settings = self.reader.settings(FusionParameters, **interval)
-        base: dict[str, Any] = {"boundary_speed": MISSING}  # how fast things move, a person has to say
-        if scene is not None:
-            held = fusion_settings(scene)
-            base = {field.name: getattr(held, field.name) for field in fields(held)}
-        if self.get_parameter("use_sim_time").value and not self.lockstep:
-            base["clock_tolerance"] = _CLOCK_LAG
-        self.fusion_settings = self.reader.settings(FusionSettings, **base)
         self.reader.finish()
         if not self.lockstep:
             self._jump = watch_time(self, self.reset)
         switches = {f"{name}/enable": partial(self._enable, name) for name in self.sensors}
         serve(self, self.options, self.reset, switches)
         self.autostart()
+
+    def _read_world(self, scene: AnyScene | None, accepts: bool) -> _World:
+        room = scene if isinstance(scene, SpaceScene) else None
+        workspace = read_workspace(self.reader, room)
+        lag = _CLOCK_LAG if self.get_parameter("use_sim_time").value and not self.lockstep else None
+        if workspace is not None:
+            if room is None and scene is not None:
+                self.reader.fail(
+                    "workspace", f"is given, but {scene.name} is a scene in the plane; leave it out"
+                )
+            return SpaceFusion(self, room, workspace, lag)
+        assert not isinstance(scene, SpaceScene)
+        return PlaneFusion(self, scene, accepts, lag)
 
     @property
     def robots(self) -> dict[str, RobotSpec]:
@@ -114,9 +143,7 @@ class FusionNode(ManagedNode):
 
     def configure(self) -> None:
         """Make the fusion and the publishers."""
-        self._fusion = AreaFusion(
-            [one.sensor for one in self.sensors.values()], self.fusion_settings, list(self.robots.values())
-        )
+        self.world.configure(self.robots.values())
         self._endings: dict[str, Callable[[], object]] = {}
         self._enabled = dict.fromkeys(self.sensors, True)
         self._scans = self._inbox(self.sensors, _MOST_SCANS)
@@ -125,12 +152,6 @@ class FusionNode(ManagedNode):
         self._received = dict.fromkeys(self.sensors, 0)
         self._rejected = dict.fromkeys(self.sensors, 0)
         self._misses = 0
-        latched = for_mode(self.lockstep, LATCHED)
-        self._lost = self.publisher(MarkerArray, "unoccupied_area/lost", latched)
-        self._areas = self.publisher(PointCloud2, "unoccupied_area", latched)
-        self._returns = self.publisher(PointCloud2, "unoccupied_area/returns", latched)
-        self._seen = self.publisher(PointCloud2, "unoccupied_area/seen", latched)
-        self._grids = self.publisher(OccupancyGrid, "unoccupied_area/grid", latched)
         self._diagnostics = self.publisher(
             DiagnosticArray, "/diagnostics", for_mode(self.lockstep, DIAGNOSTICS)
         )
@@ -139,11 +160,11 @@ class FusionNode(ManagedNode):
         """Listen; then work by ticks or by a timer."""
         for name in self.sensors:
             self.listen(
-                LaserScan, _topic(name), partial(self._on_scan, name), for_mode(self.lockstep, SENSOR)
+                self.world.kind, self._topic(name), partial(self._on_scan, name), self.world.sensor_qos
             )
         for name in self.robots:
             self._listen_to(name)
-        if self._sees:
+        if self.world.sees_robots:
             self._roster.start(self._step_when_complete)
         self._participant: Participant | None = None
         if self.lockstep:
@@ -153,10 +174,13 @@ class FusionNode(ManagedNode):
             self.every(self.settings.sampling_interval, self._on_timer)
         self._waiting = self.report_waiting(
             lambda: [
-                *(_topic(name) for name, enabled in self._enabled.items() if enabled),
+                *(self._topic(name) for name, enabled in self._enabled.items() if enabled),
                 *(f"{name}/odom" for name in self.robots),
             ]
         )
+
+    def _topic(self, name: str) -> str:
+        return f"sensors/{name}/{self.world.channel}"
 
     def _listen_to(self, name: str) -> None:
         odometry = for_mode(self.lockstep, ODOMETRY_INPUT)
@@ -165,12 +189,12 @@ class FusionNode(ManagedNode):
         )
 
     def _join(self, spec: RobotSpec) -> None:
-        self._fusion.add_robot(spec)
+        self.world.fusion.add_robot(spec)
         self._odometry |= self._inbox([spec.id], _MOST_STATES)
         self._listen_to(spec.id)
 
     def _leave(self, name: str) -> None:
-        self._fusion.remove_robot(name)
+        self.world.fusion.remove_robot(name)
         self._endings.pop(name)()
         del self._odometry[name]
         self._problems.pop(f"{name}/odom", None)
@@ -181,7 +205,7 @@ class FusionNode(ManagedNode):
 
     def reset(self) -> None:
         """Forget all scans and the memory."""
-        self._fusion.reset()
+        self.world.fusion.reset()
         self._roster.reset()
         self._problems.clear()
         if not self.lockstep:  # in lockstep data of the new time may be here before their tick
@@ -194,8 +218,8 @@ class FusionNode(ManagedNode):
         self.get_logger().info(f"sensor {name} is {'used again' if enabled else 'not used'}")
         self._step_when_complete()
 
-    def _on_scan(self, name: str, message: LaserScan) -> None:
-        self._waiting.heard(_topic(name))
+    def _on_scan(self, name: str, message: Any) -> None:
+        self._waiting.heard(self._topic(name))
         self._received[name] += not self._is_end(message)
         if not self._enabled[name]:
             return
@@ -207,9 +231,9 @@ class FusionNode(ManagedNode):
         self._odometry[name].append((self._arrival(), message))
         self._step_when_complete()
 
-    def _is_end(self, message: LaserScan) -> bool:
+    def _is_end(self, message: Any) -> bool:
         """Whether a message only says that nothing more comes of this tick; in real time nobody says so."""
-        return self.lockstep and is_nothing(message)
+        return self.lockstep and self.world.is_nothing(message)
 
     def _arrival(self) -> int:
         """Time on the clock, which what comes now may not be ahead of; in lockstep the tick of the step counts."""
@@ -220,7 +244,7 @@ class FusionNode(ManagedNode):
 
     def _on_timer(self) -> None:
         if any(self._scans.values()) or any(
-            self._fusion.latest_stamp(name) is not None for name in self.sensors
+            self.world.fusion.latest_stamp(name) is not None for name in self.sensors
         ):
             self._step(now_of(self))
 
@@ -229,7 +253,7 @@ class FusionNode(ManagedNode):
         if self._participant is None or self._participant.due is None:
             return
         tick = self._participant.due
-        if self._sees:
+        if self.world.sees_robots:
             if not self._roster.is_complete(tick):
                 return
             self._roster.settle(tick)
@@ -246,7 +270,7 @@ class FusionNode(ManagedNode):
             self._take_all(f"{name}/odom", waiting, now, partial(self._take_state, name))
         for name in sorted(self._scans):
             self._take_all(name, self._scans[name], now, partial(self._take_scan, name))
-        area = self._fusion.area(seconds(now))
+        area = self.world.fusion.area(seconds(now))
         duration = clock.perf_counter() - begin
         self._publish(area, duration, now)
 
@@ -270,43 +294,33 @@ class FusionNode(ManagedNode):
             self._problems.pop(name, None)
         waiting.clear()
 
-    def _take_scan(self, name: str, message: LaserScan, now: float) -> None:
-        if self._is_end(message):
-            return
-        check_frame(message, _topic(name), (self.sensors[name].frame,))
-        self._fusion.add_scan(name, scan_from_message(message), now)
+    def _take_scan(self, name: str, message: Any, now: float) -> None:
+        if not self._is_end(message):
+            self.world.take(name, message, now)
 
     def _take_state(self, name: str, message: Odometry, now: float) -> None:
         frames = [frame.replace("{robot}", name) for frame in self.settings.odometry_frames]
-        self._fusion.add_state(state_from_message(message, name, f"{name}/odom", frames), now)
+        self.world.take_state(name, message, frames, now)
 
-    def _publish(self, area: UnoccupiedArea, duration: float, now: int) -> None:
-        self._lost.publish(lost_to_message(area))
-        self._areas.publish(area_to_message(area))
-        # in lockstep a listener may be found later
-        if self.lockstep or self._returns.get_subscription_count() > 0:
-            self._returns.publish(returns_to_message(self._fusion.returns(area.stamp), now))
-        if self.lockstep or self._grids.get_subscription_count() > 0:
-            self._grids.publish(area_to_grid(area, self.settings.grid_resolution))
-        if self._seen.get_subscription_count() > 0:
-            points = grid_points(area, self.settings.seen_resolution)
-            sensor, stamps = self._fusion.last_seen(points, area.stamp)
-            self._seen.publish(seen_to_message(points, sensor, area.stamp - stamps, now))
+    def _publish(self, area: Any, duration: float, now: int) -> None:
+        self.world.publish(area, now)
         self._misses += duration > self.settings.sampling_interval
         self._diagnostics.publish(diagnostics(now, self._statuses(area, duration)))
 
-    def _statuses(self, area: UnoccupiedArea, duration: float) -> list[Any]:
+    def _statuses(self, area: Any, duration: float) -> list[Any]:
         statuses = []
         for name in self.sensors:
-            stamp = self._fusion.latest_stamp(name)
+            stamp = self.world.fusion.latest_stamp(name)
             age = None if stamp is None else area.stamp - stamp
-            silent = age is None or age > self.fusion_settings.max_scan_age
-            problem = self._problems.get(name) or ("no scan young enough" if silent else "")
+            silent = age is None or age > self.world.max_age
+            problem = self._problems.get(name) or (
+                f"no {self.world.measurement} young enough" if silent else ""
+            )
             values = {
                 "age": "none" if age is None else f"{age:.3f}",
                 "rate": f"{self._received[name] / self.settings.sampling_interval:.2f}",
                 "rejected": self._rejected[name],
-                "contradictions": area.contradictions.get(name, 0),
+                **self.world.sensor_values(name, area),
                 "enabled": self._enabled[name],
             }
             statuses.append(status(f"sensor {name}", name, problem if self._enabled[name] else "", values))
@@ -317,8 +331,7 @@ class FusionNode(ManagedNode):
         values = {
             "step_ms": f"{1e3 * duration:.4f}",
             "deadline_misses": self._misses,
-            "coverage": f"{area.region.area:.3f}",
-            "vertices": sum(len(ring) for ring in area.rings),
+            **self.world.area_values(area),
         }
         return [
             *statuses,

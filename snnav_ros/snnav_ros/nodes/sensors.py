@@ -12,7 +12,7 @@ from snnav_core.types import Pose2D, RobotSpec
 from snnav_ros.nodes.robots import read_robot_spec
 from snnav_ros.parameters import ParameterReader
 from snnav_sim.configure import planar_sensor
-from snnav_sim.scene_types import Scene
+from snnav_sim.scene import AnyScene, Scene
 
 __all__ = ["ListenedSensor", "read_seen_robots", "read_sensors"]
 
@@ -73,20 +73,17 @@ def _read(reader: ParameterReader, sensor_id: str, known: PlanarSensor | None) -
 
 
 def read_seen_robots(
-    reader: ParameterReader,
-    scene: Scene | None,
-    sensors: Sequence[ListenedSensor],
-    *,
-    may_be_none: bool = False,
+    reader: ParameterReader, scene: AnyScene | None, seeing: Sequence[str], *, may_be_none: bool = False
 ) -> list[RobotSpec]:
-    """Declare the parameters of the robots that floor-level sensors see.
+    """Declare the parameters of the robots that sensors see.
 
     Parameters
     ----------
     reader : ParameterReader
-    scene : Scene or None
+    scene : Scene or SpaceScene or None
         Its robots that are there at the start, if a sensor sees them and unless the parameter `robots` names others.
-    sensors : sequence of ListenedSensor
+    seeing : sequence of str
+        Ids of the sensors that see robots: those near the floor, and all cameras in space.
     may_be_none : bool
         Whether there may be no robot at the start because robots join.
 
@@ -95,12 +92,11 @@ def read_seen_robots(
     ParameterError
         If a sensor sees robots and none is named, or the other way round, or a value is missing.
     """
-    seeing = [one.sensor.id for one in sensors if one.sensor.settings.sees_robots]
     there = [] if scene is None or not seeing else [r for r in scene.robots if scene.is_present(r, 0.0)]
     known = {robot.id: robot.spec for robot in there}
     text = (
-        "Ids of the robots that sensors with `sees_robots` see, each with its own group of parameters as of the "
-        "planner node (radius, speed, max_turn_rate, can_turn_in_place); by default the scene's."
+        "Ids of the robots that sensors with `sees_robots`, or cameras, see, each with its own group of parameters "
+        "as of the planner node (radius, speed, max_turn_rate, can_turn_in_place); by default the scene's."
     )
     ids: tuple[str, ...] = reader.value("robots", tuple[str, ...], text, tuple(known))
     if seeing and not ids and not may_be_none:

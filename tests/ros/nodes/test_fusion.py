@@ -224,7 +224,7 @@ def test_all_scans_since_the_last_step_are_taken_in_the_order_of_arrival(graph: 
         site.send(site.north, scan("north", stamp))
     site.area(500_000_000)
     assert "0.250 s is older than its last (0.300 s)" in site.status("sensor north").message
-    assert site.node._fusion.latest_stamp("north") == 0.3
+    assert site.node.world.fusion.latest_stamp("north") == 0.3
 
 
 def test_what_silent_sensors_saw_comes_before_the_area_of_the_same_stamp(graph: Any) -> None:

@@ -24,7 +24,7 @@ def test_in_lockstep_it_waits_for_the_word_that_nothing_more_comes(graph: Any) -
     steps.north.publish(nothing_to_message("north", 500_000_000))
     graph.until(lambda: steps.is_done(500_000_000))
     graph.until(lambda: bool(steps.areas))
-    assert steps.node._fusion.latest_stamp("north") == 0.4
+    assert steps.node.world.fusion.latest_stamp("north") == 0.4
     assert steps.node._rejected == {"north": 0, "south": 0}
     steps.tick(SECOND)
     steps.south.publish(scan("laser", SECOND))
@@ -51,5 +51,5 @@ def test_in_lockstep_no_scan_of_a_fast_scanner_is_left_out(graph: Any) -> None:
     assert steps.node._rejected["north"] == 0
     points = np.array([[0.0, 7.0]])
     for index in range(30, 50):  # the last twenty are known to the fusion
-        sensor, stamps = steps.node._fusion.last_seen(points, 0.01 * index + 0.001)
+        sensor, stamps = steps.node.world.fusion.last_seen(points, 0.01 * index + 0.001)
         assert (sensor[0], stamps[0]) == (0, pytest.approx(0.01 * index))
