@@ -7,6 +7,7 @@ from setuptools import find_packages, setup
 PACKAGE = "snnav_ros"
 NODES = [
     "lms200_node",
+    "tof_node",
     "fusion_node",
     "planner_node",
     "tracker_node",

@@ -17,6 +17,10 @@ from support.waiting import until
 
 NODES = {
     "lms200_node": (["scene:=hello", "sensor_id:=lms_west", "use_sim_time:=true"], "waiting for: /clock"),
+    "tof_node": (
+        ["scene:=hello_flight", "sensor_id:=south_west", "use_sim_time:=true"],
+        "waiting for: /clock, bee/odom",
+    ),
     "fusion_node": (["scene:=hello"], "waiting for: sensors/lms_west/scan, sensors/lms_east/scan"),
     "planner_node": (["scene:=hello"], "waiting for: unoccupied_area, robot_1/odom"),
     "tracker_node": (["scene:=hello"], "waiting for: unoccupied_area, unoccupied_area/returns"),
@@ -94,7 +98,9 @@ def test_signal_during_the_start_ends_cleanly(delay: float) -> None:
 @pytest.mark.parametrize("name", NODES)
 def test_mistake_is_one_line_and_status_2(name: str, tmp_path: Path) -> None:
     file = tmp_path / "site.yaml"
-    file.write_text(f"{name}:\n  ros__parameters:\n    scene: hello\n    lockstepp: true\n", encoding="utf-8")
+    scene = "hello_flight" if name == "tof_node" else "hello"
+    text = f"{name}:\n  ros__parameters:\n    scene: {scene}\n    lockstepp: true\n"
+    file.write_text(text, encoding="utf-8")
     more = "" if name in ("planner_node", "fusion_node", "clock_node") else NODES[name][0][-1]
     with started(name, [more] if more else [], "--params-file", str(file)) as child:
         said, _ = child.communicate(timeout=20.0)

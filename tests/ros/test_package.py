@@ -21,6 +21,7 @@ def test_every_executable_loads() -> None:
     assert {
         "snnav",
         "lms200_node",
+        "tof_node",
         "fusion_node",
         "planner_node",
         "tracker_node",

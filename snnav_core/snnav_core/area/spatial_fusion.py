@@ -34,9 +34,9 @@ class SpatialFusionSettings:
     walls : ndarray of uint8, shape (nx, ny, nz), or None
         Nonzero where a body that is known never to move reaches into the cell.
     walled_in : bool
-        Whether the outside of the grid is such a body (the walls of a room).
+        Whether the outside of the grid is known never to move (the walls of a room).
     boundary_speed : float
-        V_max: nothing else moves faster [m/s].
+        V_max: nothing that may move is faster [m/s].
     range_accuracy : float
         Ranges are wrong by no more than this [m]; it is taken off what they show.
     reach : float
@@ -44,7 +44,8 @@ class SpatialFusionSettings:
     robot_pad : float or None
         By how much the sphere of a robot is grown when its returns are taken out [m]; a diagonal of a cell by default.
     clock_tolerance : float
-        Every image counts as this much older than its stamp says [s].
+        An image may be stamped this far ahead of the clock at its arrival [s]. Every one counts as this much older than
+        its stamp says.
 
     Raises
     ------

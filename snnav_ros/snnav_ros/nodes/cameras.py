@@ -23,7 +23,7 @@ class CameraParameters:
 
     Parameters
     ----------
-    kind : {"equal_angle", "pinhole"}
+    projection : {"equal_angle", "pinhole"}
         Pixels are equal steps of angle (also those of a spinning range finder), or of the tangent.
     columns, rows : int
         Size of the image.
@@ -43,7 +43,7 @@ class CameraParameters:
         Whether its points come in an optical frame: z forward, x right, y down.
     """
 
-    kind: Literal["equal_angle", "pinhole"] = "equal_angle"
+    projection: Literal["equal_angle", "pinhole"] = "equal_angle"
     columns: int = 128
     rows: int = 128
     field_of_view_deg: tuple[float, ...] = (135.0, 135.0)
@@ -77,7 +77,7 @@ class CameraParameters:
             If a number is missing or out of its range.
         """
         ranges = (self.range_min, self.range_max)
-        if self.kind == "equal_angle":
+        if self.projection == "equal_angle":
             width, height = map(math.radians, _two("field_of_view_deg", self.field_of_view_deg))
             return equal_angle(self.columns, self.rows, width, height, *ranges)
         middle = (0.5 * (self.columns - 1), 0.5 * (self.rows - 1))

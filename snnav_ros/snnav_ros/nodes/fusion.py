@@ -333,11 +333,5 @@ class FusionNode(ManagedNode):
             "deadline_misses": self._misses,
             **self.world.area_values(area),
         }
-        return [
-            *statuses,
-            status("fusion", self.get_name(), "nothing is free" if area.is_empty else "", values),
-        ]
-
-
-def _topic(name: str) -> str:
-    return f"sensors/{name}/scan"
+        nothing = "nothing is free" if self.world.is_empty(area) else ""
+        return [*statuses, status("fusion", self.get_name(), nothing, values)]

@@ -16,7 +16,7 @@ from snnav_ros.nodes.planner import PlannerNode
 from snnav_ros.nodes.robot import RobotNode
 from snnav_sim.warm_up import warm_up
 
-_USERS = ("deciding", "fusion", "lms200", "planner", "robot", "node_time")
+_USERS = ("deciding", "fusion", "range_finder", "planner", "robot", "node_time")
 
 
 @pytest.mark.parametrize("jump", [-1000.0, 1000.0])
