@@ -153,8 +153,8 @@ def _seen(camera: DepthCamera, image: DepthImage, points: FloatArray) -> tuple[F
 
 def values_at(field: NDArray[np.float32], grid: Grid, points: FloatArray) -> FloatArray:
     """Return the values (N,) of the cells in which points (N, 3) lie, 0 outside of the grid."""
-    cells = np.floor((points - grid.origin) / grid.spacing).astype(int)
-    inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
+    scaled = (points - grid.origin) / grid.spacing
+    inside = ((scaled >= 0.0) & (scaled < grid.shape)).all(axis=1)
     values = np.zeros(len(points))
-    values[inside] = field[tuple(cells[inside].T)]
+    values[inside] = field[tuple(scaled[inside].astype(np.int32).T)]
     return values
