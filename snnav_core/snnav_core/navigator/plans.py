@@ -28,6 +28,7 @@ BY_ROBOT = " of robot "
 
 _WORTH = 1.1  # times the shortest way: a longer path is worth a turn in place before
 _ALIGNED = 0.02  # a turn by less than this [rad] brings nothing
+_NEARLY = 0.15  # [rad]; a robot that has turned need not turn by less than this again
 
 
 def profiles(attempt: Attempt) -> list[FloatArray]:
@@ -57,18 +58,39 @@ def best_profile(attempt: Attempt, polyline: FloatArray, rotation: int, source: 
     return best or plan
 
 
-def turn_and_leg(attempt: Attempt, route: Route) -> PlannedPath | None:
-    """For ways too tight for the turning radius: turn on the spot towards the next bend, then straight to it."""
+def turn_and_leg(attempt: Attempt, route: Route, last: PlannedPath | None = None) -> PlannedPath | None:
+    """For ways too tight for the turning radius: turn on the spot towards the next bend, then straight to it.
+
+    Noise moves the bend while the robot turns: one whose last path was a turn, now done, drives off along its heading
+    when that is nearly right. Else it could turn after the bend for ever.
+    """
     corner = next_corner(attempt.context, route, attempt.pose)
     if corner is None:
         return None
     start = attempt.pose.position
     heading = math.atan2(corner[1] - start[1], corner[0] - start[0])
     if _is_off(attempt, heading):
-        plan = _turn(attempt, heading)
+        leg = _own_leg(attempt, corner) if _has_turned(attempt, last) else None
+        plan = leg or _turn(attempt, heading)
     else:
         plan = attempt.along(np.vstack((start, corner)), PathSource.STRAIGHT_LEG)
     return plan if plan.certificate.accepted else None
+
+
+def _has_turned(attempt: Attempt, last: PlannedPath | None) -> bool:
+    return last is not None and last.path.turn_to is not None and not _is_off(attempt, last.path.turn_to)
+
+
+def _own_leg(attempt: Attempt, corner: FloatArray) -> PlannedPath | None:
+    """Straight ahead as the robot heads, within the window, towards a bend (2,) [m, map] nearly there; else None."""
+    start, heading = attempt.pose.position, attempt.pose.heading
+    ahead = np.array([math.cos(heading), math.sin(heading)])
+    length = float((corner - start) @ ahead)
+    if length < math.cos(_NEARLY) * float(np.linalg.norm(corner - start)):
+        return None
+    length = min(length, attempt.crowd.own_reach)  # beyond that it would miss the bend by too much
+    plan = attempt.along(np.vstack((start, start + length * ahead)), PathSource.STRAIGHT_LEG)
+    return plan if plan.certificate.accepted and attempt.is_lasting(plan) else None
 
 
 def turn_on(attempt: Attempt, last: PlannedPath | None) -> PlannedPath | None:

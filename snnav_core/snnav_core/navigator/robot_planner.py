@@ -216,7 +216,7 @@ def _to_target(
     decision = found.best
     if found.route is not None and attempt.robot.can_turn_in_place:
         if decision is None:
-            decision = turn_on(attempt, memory.plan) or turn_and_leg(attempt, found.route)
+            decision = turn_on(attempt, memory.plan) or turn_and_leg(attempt, found.route, memory.plan)
         else:
             decision = turn_first(attempt, memory.plan, decision, found.route) or decision
     if decision is None:

@@ -14,7 +14,8 @@ from snnav_core.area.planar import UnoccupiedArea, as_multipolygon
 from snnav_core.navigator.attempt import Attempt
 from snnav_core.navigator.context import AreaContext
 from snnav_core.navigator.ground import GroundNavigator
-from snnav_core.navigator.plans import turn_on
+from snnav_core.navigator.plans import turn_and_leg, turn_on
+from snnav_core.navigator.search import find_route
 from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
 from snnav_core.types import PathSource, PlannedPath, Pose2D, RobotSpec, Stop, StopReason, TimedPath
 
@@ -106,3 +107,25 @@ def test_a_turn_in_place_that_was_begun_is_ended_when_another_one_would_do_as_we
     assert going_on.certificate.accepted
     assert turn_on(replace(attempt, pose=Pose2D(5.0, 6.0, 2.0)), begun) is None
     assert turn_on(later, None) is None
+
+
+@pytest.mark.parametrize(("off", "drives"), [(0.05, True), (-0.14, True), (0.2, False)])
+def test_a_robot_that_has_turned_drives_off_although_noise_has_moved_the_bend(
+    off: float, drives: bool
+) -> None:
+    context = AreaContext(UnoccupiedArea(0.0, as_multipolygon(HALL)), 0.0)
+    distances, pose, target = RobotDistances(CART, SETTINGS), Pose2D(5.0, 6.0, off), np.array([17.0, 6.0])
+    attempt = Attempt(context, CART, pose, target, 0.5, (), distances, SETTINGS, 0.6)
+    route = find_route(context, CART, pose, target, distances, SETTINGS, ())
+    points = np.tile([5.0, 6.0], (9, 1))
+    turned = attempt.planned(TimedPath(0.0, distances.step, points, turn_to=off), PathSource.TURN_IN_PLACE)
+    plan = turn_and_leg(attempt, route, turned)
+    assert plan is not None
+    assert plan.certificate.accepted
+    assert (plan.path.turn_to is None) == drives
+    if drives:
+        way = plan.path.points[-1, :2] - plan.path.points[0, :2]
+        assert np.arctan2(way[1], way[0]) == pytest.approx(off)
+    again = turn_and_leg(attempt, route, None)
+    assert again is not None
+    assert again.path.turn_to == pytest.approx(0.0, abs=1e-6)
