@@ -17,7 +17,7 @@ from snnav_ros.available import make_executor
 from snnav_ros.bringup import plan_nodes
 from snnav_ros.convert import MAP_FRAME
 from snnav_ros.processes import ChildProcesses
-from snnav_sim.scene import parse_scene
+from snnav_sim.scene import parse_any_scene
 from snnav_sim.warm_up import warm_up
 
 
@@ -44,7 +44,7 @@ class ProcessSite:
         file = folder / "scene.yaml"
         file.write_text(scene, encoding="utf-8")
         plans = plan_nodes(
-            parse_scene(scene, file.name), file, realtime=True, processes=True, seed=1, planners=planners
+            parse_any_scene(scene, file.name), file, realtime=True, processes=True, seed=1, planners=planners
         )
         for plan in plans:
             parameters = {**plan.parameters, **(changes or {}).get(plan.name, {})}
@@ -66,10 +66,10 @@ class ProcessSite:
         self.texts += [f"{status.name}: {status.message}" for status in message.status]
 
 
-def goal_at(x: float, y: float) -> PoseStamped:
+def goal_at(x: float, y: float, z: float = 0.0) -> PoseStamped:
     goal = PoseStamped()
     goal.header.frame_id = MAP_FRAME
-    goal.pose.position.x, goal.pose.position.y = x, y
+    goal.pose.position.x, goal.pose.position.y, goal.pose.position.z = x, y, z
     return goal
 
 
