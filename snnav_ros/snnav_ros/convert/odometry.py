@@ -87,15 +87,18 @@ def goal_from_message(message: Any, topic: str = "goal_pose") -> tuple[float, fl
     return x, y
 
 
-def flight_to_message(state: FlyerState, turn: FloatArray, stamp_ns: int) -> Any:
-    """Return the Odometry of a flying robot: its direction is the x axis of its body; `turn` as of a FlightCommand."""
+def flight_to_message(state: FlyerState, rate: FloatArray, stamp_ns: int) -> Any:
+    """Return the Odometry of a flying robot: its direction is the x axis of its body.
+
+    `rate` (3,) is the angular velocity [rad/s, map].
+    """
     message = new_message("nav_msgs/Odometry", header=header(stamp_ns, MAP_FRAME))
     message.child_frame_id = f"{state.id}/base_link"
     place = message.pose.pose.position
     place.x, place.y, place.z = state.position.tolist()
     message.pose.pose.orientation = direction_to_message(state.direction)
     message.twist.twist.linear.x = state.speed
-    _set_turn(message.twist.twist.angular, state.direction, turn)
+    _set_rate(message.twist.twist.angular, state.direction, rate)
     return message
 
 
@@ -127,13 +130,12 @@ def flight_command_to_message(command: FlightCommand, state: FlyerState) -> Any:
     if command.direction is None:
         velocity = np.array((command.speed, 0.0, 0.0))
     twist.linear.x, twist.linear.y, twist.linear.z = velocity.tolist()
-    _set_turn(twist.angular, state.direction, command.turn, ahead)
+    _set_rate(twist.angular, state.direction, np.cross(ahead, command.turn))
     return twist
 
 
-def _set_turn(angular: Any, direction: FloatArray, turn: FloatArray, ahead: FloatArray | None = None) -> None:
-    """Write the angular velocity of a turn of `ahead` in the axes of the body that heads in a direction."""
-    rate = np.cross(direction if ahead is None else ahead, turn)
+def _set_rate(angular: Any, direction: FloatArray, rate: FloatArray) -> None:
+    """Write an angular velocity [rad/s, map] in the axes of the body that heads in a direction."""
     angular.x, angular.y, angular.z = (attitude_of(direction).T @ rate).tolist()
 
 

@@ -245,7 +245,9 @@ class FlyerBody:
         """Note where the simulated base is, and return its odometry."""
         self.measured_at = now
         self._states.append((now, self._base.state))
-        return flight_to_message(self._base.state, self._base.command.turn, now)
+        flown = self._base.command
+        begin = self._base.state.direction if flown.direction is None else flown.direction
+        return flight_to_message(self._base.state, np.cross(begin, flown.turn), now)
 
     def away(self, path: TimedPath) -> float:
         """Return how far from the robot a path passes [m]."""
