@@ -7,6 +7,7 @@ import gc
 import numpy as np
 
 from snnav_core.obstacles import MovingObstacle
+from snnav_core.planning.grid_search import GridSearch
 from snnav_core.planning.spacetime import plan_in_spacetime
 from snnav_core.planning.spacetime_problem import SpacetimeProblem, SpacetimeSettings
 from snnav_core.types import Pose2D, RobotSpec
@@ -67,6 +68,9 @@ def _warm_up_flight() -> None:
         for _ in range(scene.ticks_per_sample):
             simulation.move()
     compute_flight_metrics(scene, simulation.record)
+    robot = scene.robots[0]
+    area = simulation.fusion.area(simulation.time)
+    GridSearch(area, np.array(robot.start), np.array(robot.target), scene.safety_margin, 0.0, 0.0).way()
     origin, rays = np.zeros(3), np.eye(3)
     triangle = np.array([[[1.0, -1.0, -1.0], [1.0, 1.0, -1.0], [1.0, 0.0, 1.0]]])
     cast_triangles(origin, rays, triangle, np.full(3, np.inf))

@@ -11,6 +11,7 @@ from snnav_core.area.spatial import SpatialArea
 from snnav_core.errors import InvalidInput
 from snnav_core.flight_types import FlyerState
 from snnav_core.navigator.flight_planner import FlightPlanner
+from snnav_core.navigator.flight_retreat import Retreats
 from snnav_core.navigator.flight_settings import FlightSettings
 from snnav_core.planning.flight_separation import OtherFlyer
 from snnav_core.types import FloatArray, PlannedPath, RobotSpec, StepResult, Stop, StopReason, TimedPath
@@ -35,13 +36,17 @@ class FlightNavigator:
     Notes
     -----
     Deviations: robots not decided yet in this round are where their last path has them at the same time (C4-10); a
-    robot that was blocked for some steps goes first (C4-11); robots without a path hover, as spheres that stay.
+    robot that was blocked for some steps goes first (C4-11), and where several are blocked the last one goes aside;
+    robots without a path hover, as spheres that stay.
     """
 
     def __init__(self, robots: Sequence[RobotSpec], settings: FlightSettings) -> None:
         self.settings = settings
         self._planners: dict[str, FlightPlanner] = {}
         self._blocked: dict[str, int] = {}
+        self._searched: dict[str, int] = {}  # number of the step of the last search
+        self._steps = 0
+        self._retreats = Retreats(settings.retreat_steps, settings.seed)
         for robot in robots:
             self.add_robot(robot)
 
@@ -55,17 +60,20 @@ class FlightNavigator:
         if robot.id in self._planners:
             raise InvalidInput(f"two robots are called {robot.id!r}")
         self._planners[robot.id] = FlightPlanner(robot, self.settings, len(self._planners))
-        self._blocked[robot.id] = 0
+        self._blocked[robot.id], self._searched[robot.id] = 0, -1
 
     def remove_robot(self, robot_id: str) -> None:
         """Forget a robot that is no longer in the workspace."""
         self._planners.pop(robot_id, None)
         self._blocked.pop(robot_id, None)
+        self._searched.pop(robot_id, None)
+        self._retreats.forget(robot_id)
 
     def reset(self) -> None:
         """Forget all paths."""
-        for planner in self._planners.values():
+        for name, planner in self._planners.items():
             planner.reset()
+            self._retreats.forget(name)
 
     def step(
         self,
@@ -92,6 +100,15 @@ class FlightNavigator:
         StepResult
         """
         decisions: dict[str, PlannedPath | Stop] = {}
+        if area is not None:
+            valid = {
+                name: np.asarray(goal, dtype=np.float64) for name, goal in goals.items() if _is_point(goal)
+            }
+            distances = {name: planner.distances for name, planner in self._planners.items()}
+            aside = self._retreats.places(time, area, self._order(), states, valid, self._blocked, distances)
+            goals = {**goals, **aside}
+        turns = self._turns()
+        left = self.settings.searches - len(turns)
         for name in self._order():
             planner = self._planners[name]
             state, goal = states.get(name), goals.get(name)
@@ -101,11 +118,23 @@ class FlightNavigator:
                 decisions[name] = stop or Stop(name, StopReason.NO_AREA, "no area")
                 continue
             others = self._others(name, time, states, goals)
-            decisions[name] = planner.decide(time, area, state, np.asarray(goal, dtype=np.float64), others)
+            may_search = name in turns or left > 0
+            decisions[name], searched = planner.decide(
+                time, area, state, np.asarray(goal, dtype=np.float64), others, may_search
+            )
+            if searched:
+                left -= name not in turns
+                self._searched[name] = self._steps
+        self._steps += 1
         for name, decision in decisions.items():
             waits = isinstance(decision, Stop) and decision.reason in _WAITING
             self._blocked[name] = self._blocked[name] + 1 if waits else 0
         return StepResult(time, {name: decisions[name] for name in self._planners})
+
+    def _turns(self) -> list[str]:
+        """Robots that wait to search and may do so now, those first that did so longest ago."""
+        waiting = [name for name, planner in self._planners.items() if planner.waits]
+        return sorted(waiting, key=lambda name: self._searched[name])[: self.settings.searches]
 
     def _order(self) -> list[str]:
         """Names by precedence; who was blocked for long comes first (C4-11)."""
@@ -125,7 +154,7 @@ class FlightNavigator:
             if path is None:
                 path = TimedPath(time, self.settings.sampling_interval, place[None])
                 goal = goals.get(other)
-                if goal is not None and np.shape(goal) == (3,):
+                if goal is not None and _is_point(goal):
                     leaves = float(np.linalg.norm(goal - place)) > planner.distances.arrival
             others.append(OtherFlyer(other, planner.robot.radius, path, leaves))
         return others
@@ -144,8 +173,12 @@ def _missing(
         return Stop(name, StopReason.NO_STATE, f"position of robot {name} is unknown at {time:.2f} s")
     if goal is None:
         return Stop(name, StopReason.NO_GOAL, f"robot {name} has no target")
-    if np.shape(goal) != (3,) or not all(math.isfinite(value) for value in np.asarray(goal).tolist()):
+    if not _is_point(goal):
         return Stop(
             name, StopReason.NO_GOAL, f"target {np.asarray(goal).tolist()} of robot {name} is no point"
         )
     return None
+
+
+def _is_point(goal: FloatArray) -> bool:
+    return np.shape(goal) == (3,) and all(math.isfinite(value) for value in np.asarray(goal).tolist())

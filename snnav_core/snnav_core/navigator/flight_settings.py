@@ -39,8 +39,12 @@ class FlightSettings:
         A new path replaces the last one only when it is shorter by this share (C4-7).
     search_interval : int
         A new roadmap is made every so many steps, and at once when the last path fails (C4-7).
+    searches : int
+        So many robots at most look for new ways in one step; the others hover or fly on until it is their turn.
     blocked_steps : int
         A robot without a path for so many steps goes first (C4-11).
+    retreat_steps : int
+        Where several were without a path for so many steps, the last in order goes aside.
     arrival_distance : float or None
         Distance to the target that counts as arrived [m]; None for the length of a link.
     roadmap : RoadmapSettings
@@ -62,7 +66,9 @@ class FlightSettings:
     turn_radius_factor: float = 1.1
     switch_gain: float = 0.05
     search_interval: int = 10
+    searches: int = 2
     blocked_steps: int = 5
+    retreat_steps: int = 10
     arrival_distance: float | None = None
     roadmap: RoadmapSettings = field(default_factory=RoadmapSettings)
     adjustment: AdjustmentSettings = field(default_factory=AdjustmentSettings)
@@ -71,7 +77,12 @@ class FlightSettings:
     def __post_init__(self) -> None:
         check_positive(self, ("sampling_interval", "safety_margin"), "flight: ")
         check_not_negative(self, ("boundary_speed", "tracking_tolerance", "switch_gain"), "flight: ")
-        check_whole(self, ("time_window", "search_interval", "blocked_steps"), 1, "flight: ")
+        check_whole(
+            self,
+            ("time_window", "search_interval", "searches", "blocked_steps", "retreat_steps"),
+            1,
+            "flight: ",
+        )
         if not self.turn_radius_factor >= 1.0:
             raise InvalidInput(f"flight: turn_radius_factor is {self.turn_radius_factor}, must be at least 1")
 
