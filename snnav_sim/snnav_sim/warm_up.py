@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from dataclasses import replace
 
 import numpy as np
 
@@ -62,13 +63,14 @@ def _warm_up_flight() -> None:
     """Take two robots in space through a few decisions, past a mover, a prism and a mesh."""
     scene = load_any_scene(find_scene("hello_flight"))
     assert isinstance(scene, SpaceScene)
-    simulation = FlightSimulation(scene)
+    robot = scene.robots[0]
+    other = replace(robot, id="other", start=robot.target, target=robot.start)
+    simulation = FlightSimulation(replace(scene, robots=(robot, other)))
     for _ in range(3):
         simulation.decide()
         for _ in range(scene.ticks_per_sample):
             simulation.move()
     compute_flight_metrics(scene, simulation.record)
-    robot = scene.robots[0]
     area = simulation.fusion.area(simulation.time)
     GridSearch(area, np.array(robot.start), np.array(robot.target), scene.safety_margin, 0.0, 0.0).way()
     origin, rays = np.zeros(3), np.eye(3)

@@ -77,7 +77,7 @@ class SpatialArea:
         ndarray, shape (N,)
             [m]; negative or zero where nothing is proved, and outside the grid.
         """
-        points = np.ascontiguousarray(points, dtype=np.float64)
+        points = np.array(points, dtype=np.float64, order="C")
         grown = np.broadcast_to(np.asarray(growth, dtype=np.float64), len(points)).copy()
         return np.asarray(
             _bounds(points, grown, self.moving, self.static, self.grid.origin, self.grid.spacing)
@@ -90,7 +90,7 @@ class SpatialArea:
 
         Parameters are those of `clearance_at`.
         """
-        points = np.ascontiguousarray(points, dtype=np.float64)
+        points = np.array(points, dtype=np.float64, order="C")
         grown = np.broadcast_to(np.asarray(growth, dtype=np.float64), len(points)).copy()
         value, gradient = _interpolate(
             points, grown, self.moving, self.static, self.grid.origin, self.grid.spacing

@@ -55,16 +55,16 @@ def adjust_in_space(
     distances = np.concatenate([np.zeros(0), *(one.distances for one in spheres)])
     around = (np.zeros(3), np.zeros(3), 0.0, 0)
     if isinstance(torus, TorusBarrier):
-        around = (torus.centre, torus.axis, torus.radius, torus.count)
+        around = (np.array(torus.centre), np.array(torus.axis), torus.radius, torus.count)
     area = region.area
     adjusted, settled, passes = _adjust(
-        np.ascontiguousarray(points, dtype=np.float64),
-        np.asarray(target, dtype=np.float64),
+        np.array(points, dtype=np.float64, order="C"),
+        np.array(target, dtype=np.float64),
         gains,
         limits,
         most,
         (area.moving, area.static, area.grid.origin, area.grid.spacing),
-        (region.distance, np.ascontiguousarray(region.growth, dtype=np.float64)),
+        (region.distance, np.array(region.growth, dtype=np.float64)),
         (centres, distances, offsets),
         around,
     )

@@ -64,12 +64,12 @@ def clear_edges(
     per_metre = np.full(count, math.inf) if growth_per_metre is None else growth_per_metre
     return np.asarray(
         _clear(
-            np.ascontiguousarray(begins, dtype=np.float64),
-            np.ascontiguousarray(ends, dtype=np.float64),
+            np.array(begins, dtype=np.float64, order="C"),
+            np.array(ends, dtype=np.float64, order="C"),
             distance,
             growth,
-            np.ascontiguousarray(per_metre, dtype=np.float64),
-            np.ascontiguousarray(spheres, dtype=np.float64),
+            np.array(per_metre, dtype=np.float64, order="C"),
+            np.array(spheres, dtype=np.float64, order="C"),
             (area.moving, area.static, area.grid.origin, area.grid.spacing),
         )
     )
