@@ -212,6 +212,8 @@ def _to_target(
         return best or _until_its_turn(attempt), replace(memory, waited=memory.waited + 1)
     memory = replace(memory, steps_since_search=0, failure=None, waited=0)
     found = _search(attempt, best, memory)
+    if found.best is None and attempt.crowd.is_large:
+        attempt.turns.pay()
     memory = replace(memory, target=found.target)
     decision = found.best
     if found.route is not None and attempt.robot.can_turn_in_place:
@@ -261,6 +263,8 @@ def _onwards(attempt: Attempt, memory: RobotMemory) -> tuple[PlannedPath | None,
         kept = _kept(attempt, memory)
         if kept is not None and attempt.is_full(kept):
             return kept, replace(memory, followed=memory.followed + 1, waited=0)
+        if kept is not None and _is_patient(attempt, kept, memory):
+            return kept, memory
     best, memory = _warm(attempt, replace(memory, followed=0))
     if best is None or not attempt.is_full(best):
         best = better(best, kept if as_it_is else _kept(attempt, memory))

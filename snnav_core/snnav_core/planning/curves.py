@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 
 import numba
@@ -17,6 +18,8 @@ __all__ = ["AreaCurves"]
 
 _TURN = 1e-12
 _BIN_SIZE = 0.5  # [m]
+_MANY_CORNERS = 400  # so many are worth a second thread ...
+_FIRST_HALF = 1.0 - math.sqrt(0.5)  # ... that takes this share of them: half of the pairs
 
 
 @numba.njit(cache=True, nogil=True)
@@ -122,12 +125,14 @@ def _first_hits(sources, targets, starts, ends, following, offsets, members, ori
 
 
 @numba.njit(cache=True, nogil=True)
-def _tangent_graph(corners, before, starts, ends, following, offsets, members, origin, size, columns, rows):  # type: ignore[no-untyped-def]
-    """All pairs of corners whose connection touches both corners from outside and crosses no edge."""
+def _tangent_graph(  # type: ignore[no-untyped-def]
+    corners, begin, end, before, starts, ends, following, offsets, members, origin, size, columns, rows
+):
+    """Pairs of corners whose connection touches both from outside and crosses no edge; the first is one of a range."""
     found_from = []
     found_to = []
     lengths = []
-    for i in range(corners.shape[0]):
+    for i in range(begin, end):
         first = corners[i]
         px, py = starts[first, 0], starts[first, 1]
         for j in range(i + 1, corners.shape[0]):
@@ -216,9 +221,17 @@ class AreaCurves:
         if len(chosen) < 2:
             empty = np.empty(0, dtype=np.int64)
             return empty, empty, np.empty(0)
-        rows, columns, lengths = _tangent_graph(
-            chosen, self.before, self.starts, self.ends, self._following, *self._bins
-        )
+        arrays = (self.before, self.starts, self.ends, self._following, *self._bins)
+        if len(chosen) < _MANY_CORNERS:
+            rows, columns, lengths = _tangent_graph(chosen, 0, len(chosen), *arrays)
+            return rows, columns, lengths
+        middle = round(_FIRST_HALF * len(chosen))
+        with ThreadPoolExecutor(1) as pool:
+            first = pool.submit(_tangent_graph, chosen, 0, middle, *arrays)
+            second = _tangent_graph(chosen, middle, len(chosen), *arrays)
+            rows, columns, lengths = (
+                np.concatenate(both) for both in zip(first.result(), second, strict=True)
+            )
         return rows, columns, lengths
 
     @cached_property

@@ -125,3 +125,11 @@ def test_turns_are_kept_for_those_that_have_waited_longer_until_they_are_decided
     assert not turns.take("another", 0)
     assert turns.take("late", 5)
     assert not turns.take("one more", 4)
+
+
+def test_a_search_that_found_nothing_takes_two_turns() -> None:
+    turns = Turns(3)
+    assert turns.take("first", 0)
+    turns.pay()
+    assert turns.take("second", 0)
+    assert not turns.take("third", 0)

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import MultiPolygon, Polygon
 
+from snnav_core.planning import curves as curves_module
 from snnav_core.planning.curves import AreaCurves
 
 RegionMaker = Callable[[int, float], MultiPolygon]
@@ -140,3 +141,18 @@ def test_edges_in_line_do_not_hide_what_stands_between_them() -> None:
     assert math.isfinite(hit(curves, (2.0, 0.0), (8.0, 0.0)))
     assert math.isfinite(hit(curves, (1.0, 0.0), (9.0, 0.0)))
     assert math.isinf(hit(curves, (1.0, 0.0), (4.0, 0.0)))
+
+
+def test_tangents_worked_out_on_two_threads_are_those_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    generator = np.random.default_rng(5)
+    disks = shapely.buffer(
+        shapely.points(generator.uniform((-4.0, -9.0), (24.0, 9.0), (40, 2))), 0.5, quad_segs=4
+    )
+    polygon = largest(MultiPolygon([shapely.difference(ROOM, shapely.union_all(disks))]))
+    together = AreaCurves(polygon).tangents
+    assert len(AreaCurves(polygon).corners) >= curves_module._MANY_CORNERS
+    monkeypatch.setattr(curves_module, "_MANY_CORNERS", 10**9)
+    alone = AreaCurves(polygon).tangents
+    assert len(alone[0]) > 100
+    for one, other in zip(together, alone, strict=True):
+        assert np.array_equal(one, other)
