@@ -25,22 +25,13 @@ from snnav_core.navigator.progress import Progress
 from snnav_core.navigator.search import Route, find_route, route_candidates, shortest_way
 from snnav_core.navigator.standing import names_in_the_way, standing
 from snnav_core.planning.adjustment import resample
-from snnav_core.types import (
-    FloatArray,
-    PathSource,
-    PlannedPath,
-    Pose2D,
-    Stop,
-    StopReason,
-)
+from snnav_core.types import FloatArray, PathSource, PlannedPath, Pose2D, Stop, StopReason
 
 __all__ = ["RobotMemory", "plan_robot"]
 
 _PATIENCE = 15  # decisions that a robot gets no nearer to its target, and for which it is less choosy then
 _LONG = 1_000  # steps: a robot whose path ends soon, or that must not stay, does not wait for its turn
-_PAUSE = (
-    4  # in a crowd a path certified for a part of the window is followed for so many steps between searches
-)
+_PAUSE = 4  # in a crowd a path certified for a part of the window is followed so many steps between searches
 _CANDIDATES = 3  # in a crowd at most so many are adjusted in a search: what bars one mostly bars the next
 _CROWD_INTERVAL = 2  # in a crowd ways shorter than one that holds are sought so many times as seldom: few are
 _RETRY, _CROWD_RETRY = 2, 3  # a fruitless search is repeated every so many steps while things change
@@ -255,7 +246,7 @@ def _until_its_turn(attempt: Attempt) -> Stop:
 def _onwards(attempt: Attempt, memory: RobotMemory) -> tuple[PlannedPath | None, RobotMemory]:
     """The last path: adjusted again, or as it is where that is certified for longer.
 
-    In a crowd as it is for a few steps, while it is certified for the whole window.
+    In a crowd as it is for a few steps, while it is certified for the whole window; between searches while it lasts.
     """
     kept: PlannedPath | None = None
     as_it_is = attempt.crowd.is_large and memory.followed < attempt.settings.followed_steps
