@@ -157,6 +157,7 @@ class FlightTask:
         width = 1.5 * apart / distances.link
         bump = 1.1 * apart * np.exp(-(((np.arange(len(chain)) - where) / width) ** 2))
         bump[0] = 0.0
+        passes = min(passes, self.settings.adjustment.warm_passes)
         for side in (left, -left, up, -up):
             bent = resample(chain + bump[:, None] * side, distances.link)
             most = int(_MOST_LENGTHS * len(bent)) + 20

@@ -10,13 +10,14 @@ import numpy as np
 
 from snnav_core.area.spatial import interpolate
 from snnav_core.planning.fields import Barrier, DiskBarrier
-from snnav_core.planning.flight_fields import RegionBarrier, TorusBarrier
+from snnav_core.planning.flight_fields import FLAT, RegionBarrier, TorusBarrier
 from snnav_core.types import FloatArray
 
 __all__ = ["adjust_in_space"]
 
 _TINY = 1e-12
 _TOUCHING = -1e-9  # [m]
+_DIAGONAL = 1.7321  # of a cell, by its edge: no neighbour is farther
 _QUIET = 5  # passes without a change of the number of points before rest counts
 
 
@@ -163,11 +164,27 @@ def _into_region(p, velocity, force, i, field, kept, normal):  # type: ignore[no
     moving, static, origin, spacing = field
     distance, growth = kept
     grown = growth[min(i, len(growth)) - 1]
+    if _is_far(p[i], distance + grown, moving, static, origin, spacing):
+        return
     value = interpolate(p[i], grown, moving, static, origin, spacing, normal)
-    size = max(math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2), _TINY)
+    size = max(math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2), FLAT)
     for axis in range(3):
         normal[axis] /= size
     _push(p, velocity, force, i, distance - value, normal)
+
+
+@numba.njit(cache=True, nogil=True)
+def _is_far(point, distance, moving, static, origin, spacing):  # type: ignore[no-untyped-def]
+    """Whether the cell that holds a point says already that it keeps a distance: its neighbours have little less."""
+    nx, ny, nz = moving.shape
+    i, j, k = (
+        int((point[0] - origin[0]) / spacing),
+        int((point[1] - origin[1]) / spacing),
+        int((point[2] - origin[2]) / spacing),
+    )
+    if not (0 <= i < nx and 0 <= j < ny and 0 <= k < nz):
+        return False
+    return min(moving[i, j, k], static[i, j, k]) > distance + _DIAGONAL * spacing
 
 
 @numba.njit(cache=True, nogil=True)

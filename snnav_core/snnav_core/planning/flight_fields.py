@@ -9,7 +9,10 @@ import numpy as np
 from snnav_core.area.spatial import SpatialArea
 from snnav_core.types import FloatArray
 
-__all__ = ["RegionBarrier", "TorusBarrier"]
+__all__ = ["FLAT", "RegionBarrier", "TorusBarrier"]
+
+FLAT = 1e-6
+"""Where the clearance rises by less than this per metre, inside bodies, it shows no way out: the rest is rounding."""
 
 _TINY = 1e-12
 
@@ -39,7 +42,7 @@ class RegionBarrier:
         index = np.minimum(np.arange(len(points)), len(self.growth) - 1)
         clearance, gradient = self.area.smooth_at(points, self.growth[index])
         size = np.linalg.norm(gradient, axis=1)
-        return self.distance - clearance, gradient / np.maximum(size, _TINY)[:, None]
+        return self.distance - clearance, gradient / np.maximum(size, FLAT)[:, None]
 
 
 @dataclass(frozen=True)
