@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from snnav_core.area.silhouette import PassingBeams, narrow_velocity
 from snnav_core.types import FloatArray
 
 __all__ = ["BodySample", "Drift", "fit_drift"]
@@ -19,7 +21,10 @@ _GATES = (0.3, 0.15, 0.08, 0.08, 0.08)  # [m]; hits farther apart show different
 _SAME_SIDE = 0.7  # cosine between the normals of hits on one place
 _ROBUST = 4.0  # in deviations of a range: residuals beyond count little
 _RIGID = 0.5  # share of hits that lie over others in a body that does not change its shape
+_FEW_HITS = 12  # in a sample, below which normals are rare and do not tell whether a body keeps its shape
+_LEANING = 3.0  # times the noise of normals is not taken for a shape
 _LAGGING = 0.5  # share of the speed of its middle: what is slower is the leg on which somebody stands
+_ANY_SPEED = 1.0  # [m/s]; deviation of a velocity of which nothing is known
 _SHAPE_CHANGE = 0.05  # share of its extent by which the middle of what is seen of a body may wander
 
 
@@ -50,6 +55,9 @@ class BodySample:
     sensors: NDArray[np.int64]
     beams: NDArray[np.int64]
     ranges: FloatArray
+    origins: FloatArray
+    baselines: FloatArray
+    passing: PassingBeams
 
     def thinned(self) -> BodySample:
         """So few hits, evenly chosen, that fits stay cheap."""
@@ -69,6 +77,9 @@ class BodySample:
             self.sensors[chosen],
             self.beams[chosen],
             self.ranges[chosen],
+            self.origins[chosen],
+            self.baselines[chosen],
+            self.passing,
         )
 
     def joined(self, other: BodySample) -> BodySample:
@@ -82,6 +93,9 @@ class BodySample:
             np.concatenate((self.sensors, other.sensors)),
             np.concatenate((self.beams, other.beams)),
             np.concatenate((self.ranges, other.ranges)),
+            np.concatenate((self.origins, other.origins)),
+            np.concatenate((self.baselines, other.baselines)),
+            self.passing.joined(other.passing),
         )
 
 
@@ -130,12 +144,16 @@ def fit_drift(samples: Sequence[BodySample], range_noise: float, guess: FloatArr
     Drift
     """
     thin = [sample.thinned() for sample in samples]
-    hits = (
+    hits = _Hits(
         np.concatenate([sample.points for sample in thin]),
         np.concatenate([sample.normals for sample in thin]),
+        np.concatenate([sample.baselines for sample in thin]),
         np.concatenate([sample.times for sample in thin]),
         np.concatenate(([0], np.cumsum([len(sample.points) for sample in thin]))),
     )
+    outlined = _fit_outline(samples, hits, range_noise)
+    if outlined is not None:
+        return outlined
     known, pull = _middle_information(samples)
     middle: FloatArray = np.asarray(np.linalg.solve(known, pull))
     best = _follow(hits, known, pull, middle if guess is None else guess, range_noise)
@@ -151,6 +169,43 @@ def fit_drift(samples: Sequence[BodySample], range_noise: float, guess: FloatArr
     return Drift(velocity, covariance, best.agreement)
 
 
+def _fit_outline(samples: Sequence[BodySample], hits: _Hits, range_noise: float) -> Drift | None:
+    """The velocity of a body that keeps its shape: its surfaces, and where its silhouettes end; None for another one."""
+    points = np.concatenate([sample.points for sample in samples])
+    times = np.concatenate([sample.times for sample in samples])
+    beams = points - np.concatenate([sample.origins for sample in samples])
+    beams /= np.hypot(*beams.T)[:, None]
+    passing = [sample.passing.past(sample.points) for sample in samples]
+    passed = functools.reduce(PassingBeams.joined, passing)
+    weak = np.eye(2) / _ANY_SPEED**2
+    information, pull = np.zeros((2, 2)), np.zeros(2)
+    with_normal = float(hits.normals.any(axis=1).mean())
+    for _ in range(3):
+        covariance = np.linalg.inv(information + weak)
+        found = narrow_velocity(passed, points, times, beams, covariance @ pull, covariance, range_noise)
+        if found is None:
+            return None
+        velocity, spread = found
+        known = np.linalg.inv(spread)
+        match = _follow(hits, known, known @ velocity, velocity, range_noise, _LEANING)
+        information, pull = match.information, match.pull
+    few = len(points) < _FEW_HITS * len(samples)
+    if match.agreement < (_RIGID * with_normal**2 if few else _RIGID):
+        return None
+    return Drift(velocity, spread, match.agreement)
+
+
+@dataclass(frozen=True)
+class _Hits:
+    """Hits of all samples one after the other, and where those of each sample begin."""
+
+    points: FloatArray
+    normals: FloatArray
+    baselines: FloatArray
+    times: FloatArray
+    offsets: NDArray[np.int64]
+
+
 @dataclass(frozen=True)
 class _Match:
     """Where laying samples over each other came to rest: its information on the velocity, without the middles."""
@@ -162,24 +217,46 @@ class _Match:
 
 
 def _follow(
-    hits: tuple[FloatArray, FloatArray, FloatArray, NDArray[np.int64]],
+    hits: _Hits,
     known: FloatArray,
     pull: FloatArray,
     velocity: FloatArray,
     range_noise: float,
+    leaning_share: float = 0.0,
 ) -> _Match:
     """Lay samples over each other, starting from a velocity."""
-    points, normals, times, offsets = hits
-    samples = len(offsets) - 1
-    most = 0.5 * len(points) * (samples - 1)  # every hit over one of every other sample
+    samples = len(hits.offsets) - 1
+    most = 0.5 * len(hits.points) * (samples - 1)  # every hit over one of every other sample
     for gate in _GATES:
-        equations = _lay_over(points, normals, times, offsets, velocity, gate, _ROBUST * range_noise)
-        xx, xy, yy, bx, by, squares, weight = equations
+        equations = _lay_over(
+            hits.points,
+            hits.normals,
+            hits.baselines,
+            hits.times,
+            hits.offsets,
+            velocity,
+            gate,
+            _ROBUST * range_noise,
+        )
+        xx, xy, yy, bx, by, squares, weight, leaning = equations
         variance = max(range_noise**2, 0.5 * squares / weight if weight > 0.0 else 0.0)
         scale = 1.0 / (variance * samples)  # each hit takes part in a pair with every other sample
-        information, vector = scale * np.array([[xx, xy], [xy, yy]]), scale * np.array([bx, by])
+        seen, vector = _without_leaning(
+            np.array([[xx, xy], [xy, yy]]), np.array([bx, by]), leaning_share * leaning * range_noise**2
+        )
+        information, vector = scale * seen, scale * vector
         velocity = np.asarray(np.linalg.solve(known + information, pull + vector))
     return _Match(velocity, information, vector, weight / most)
+
+
+def _without_leaning(
+    information: FloatArray, pull: FloatArray, leaning: float
+) -> tuple[FloatArray, FloatArray]:
+    """Leave out what normals seem to tell along a flat face only because noise makes them lean."""
+    values, axes = np.linalg.eigh(information)
+    told = axes.T @ pull / np.maximum(values, 1e-12)
+    kept = np.maximum(values - leaning, 0.0)
+    return axes @ np.diag(kept) @ axes.T, axes @ (kept * told)
 
 
 def _middle_information(samples: Sequence[BodySample]) -> tuple[FloatArray, FloatArray]:
@@ -211,9 +288,9 @@ def _middle_information(samples: Sequence[BodySample]) -> tuple[FloatArray, Floa
 
 
 @numba.njit(cache=True, nogil=True)
-def _lay_over(points, normals, times, offsets, velocity, gate, scale):  # type: ignore[no-untyped-def]
-    """Normal equations of the velocity over all pairs of samples: xx, xy, yy, bx, by, squares, weight."""
-    xx = xy = yy = bx = by = squares = total = 0.0
+def _lay_over(points, normals, baselines, times, offsets, velocity, gate, scale):  # type: ignore[no-untyped-def]
+    """Normal equations of the velocity over all pairs of samples: xx, xy, yy, bx, by, squares, weight, leaning."""
+    xx = xy = yy = bx = by = squares = total = leaning = 0.0
     groups = offsets.shape[0] - 1
     for g in range(groups):
         for i in range(offsets[g], offsets[g + 1]):
@@ -246,4 +323,6 @@ def _lay_over(points, normals, times, offsets, velocity, gate, scale):  # type: 
                 by += weight * passed * ny * along
                 squares += weight * rest * rest
                 total += weight
-    return xx, xy, yy, bx, by, squares, total
+                lean = 1.0 / baselines[i] ** 2 + 1.0 / baselines[found] ** 2
+                leaning += 0.25 * weight * passed * passed * lean
+    return xx, xy, yy, bx, by, squares, total, leaning

@@ -108,9 +108,18 @@ class FusedReturns:
         ends = (np.diff(self.sensors) != 0) | (skipped <= 0) | (skipped > _LARGEST_SKIP)
         return np.concatenate(([0], np.cumsum(ends | (step > limit + _JUMP_DISTANCE)))).astype(np.int64)
 
-    @cached_property
+    @property
     def normals(self) -> FloatArray:
         """Unit normals of the surfaces towards the sensors, shape (K, 2); 0, 0 at corners and single points."""
+        return self._surface_lines[0]
+
+    @property
+    def baselines(self) -> FloatArray:
+        """What divides the noise of a range to give the deviation of a normal [m/rad], shape (K,); 0 without normal."""
+        return self._surface_lines[1]
+
+    @cached_property
+    def _surface_lines(self) -> tuple[FloatArray, FloatArray]:
         towards = self.origins[self.sensors] - self.points
         count, first, second = np.zeros(len(self)), np.zeros((len(self), 2)), np.zeros((len(self), 3))
         for offset in range(-_SIDE_BEAMS, _SIDE_BEAMS + 1):
@@ -128,8 +137,10 @@ class FusedReturns:
         normals = np.column_stack((-np.sin(along), np.cos(along)))
         normals *= np.where(np.sum(normals * towards, axis=1) < 0.0, -1.0, 1.0)[:, None]
         uneven = 0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy)  # mean square distance from the fitted line
-        normals[(count < 3.0) | (uneven > _UNEVEN**2)] = 0.0
-        return normals
+        none = (count < 3.0) | (uneven > _UNEVEN**2)
+        normals[none] = 0.0
+        baselines = np.where(none, 0.0, np.sqrt(count * (xx + yy)))
+        return normals, baselines
 
 
 def fused_returns(

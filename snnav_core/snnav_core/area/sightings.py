@@ -37,12 +37,15 @@ class Sightings:
     def __init__(self, window: float, depth: float) -> None:
         self._window, self._depth = window, depth
         self._past: deque[tuple[float, _Reach]] = deque()
+        self._single: deque[tuple[float, _Reach]] = deque()
         self._now: _Reach = {}
 
     def take(self, time: float, returns: FusedReturns) -> NDArray[np.bool_]:
         """Add a measurement [s] and return whether each hit has arrived within the window, shape (K,)."""
         while self._past and time - self._past[0][0] > self._window:
             self._past.popleft()
+            self._single.popleft()
+        single: _Reach = {}
         ranges = returns.ranges
         arrived = np.zeros(len(returns), dtype=np.bool_)
         self._now = {}
@@ -52,9 +55,11 @@ class Sightings:
             arrived[own] = self._is_before(sensor, beams, ranges[own])
             reach = np.full(int(beams.max()) + 1, np.inf)
             reach[beams] = ranges[own]
+            single[sensor] = reach
             size = 2 * _SIDE_BEAMS + 1
             self._now[sensor] = minimum_filter1d(reach, size, mode="constant", cval=np.inf)
         self._past.append((time, self._now))
+        self._single.append((time, single))
         return arrived
 
     def left(self, sensors: NDArray[np.int64], beams: NDArray[np.int64], ranges: FloatArray) -> int:
@@ -66,6 +71,20 @@ class Sightings:
                 reach = _at(self._now[sensor], beams[own])
                 count += int((reach > ranges[own] + self._depth).sum())
         return count
+
+    def steady(
+        self, sensors: NDArray[np.int64], beams: NDArray[np.int64], ranges: FloatArray
+    ) -> NDArray[np.bool_]:
+        """Whether what single beams met stands: seen there at two times within the window, never farther; (n,)."""
+        times, farther = np.zeros(len(sensors), dtype=np.int64), np.zeros(len(sensors), dtype=np.bool_)
+        for sensor in np.unique(sensors).tolist():
+            own = np.flatnonzero(sensors == sensor)
+            for _, reach in self._single:
+                if sensor in reach:
+                    beyond = _at(reach[sensor], beams[own]) - ranges[own]
+                    farther[own] |= beyond > self._depth
+                    times[own] += np.abs(beyond) <= self._depth
+        return (times >= 2) & ~farther
 
     def _is_before(self, sensor: int, beams: NDArray[np.int64], ranges: FloatArray) -> NDArray[np.bool_]:
         farthest = np.zeros(len(beams))

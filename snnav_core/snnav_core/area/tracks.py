@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -16,6 +17,7 @@ from snnav_core.area.explained import build_scene
 from snnav_core.area.overlay import intersection
 from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.area.returns import FusedReturns
+from snnav_core.area.silhouette import passing_beams
 from snnav_core.area.sightings import Sightings
 from snnav_core.area.track import Track
 from snnav_core.area.tracker_settings import TrackedScene, TrackerSettings
@@ -86,16 +88,17 @@ class ObstacleTracker:
         labels, gaps = self._labels(returns)
         evidence = self._sightings.take(time, returns)
         apart = np.array([track.moving and not track.walks for track in self.tracks], dtype=np.bool_)
+        fresh = self._fresh(returns)
         clusters = cluster_returns(
             returns, self.settings.link_distance, labels, evidence, self.settings.leg_distance, apart
         )
-        fresh = self._fresh(returns)
+        single = np.bincount(clusters)[clusters] < self.settings.least_points if len(clusters) else fresh
         owners = self._match(clusters, labels, gaps, evidence)
         for track in dict.fromkeys(owners.values()):
             own = np.isin(clusters, [cluster for cluster, owner in owners.items() if owner is track])
             track.seen = time
             if (own & fresh).any():
-                self._extend(track, returns, own & fresh)
+                self._extend(track, returns, own & fresh, single)
                 self._judge(track, int((own & evidence).sum()) + self._left(track))
         self._join(area)
         self.tracks = [track for track in self.tracks if time - track.seen <= self.settings.patience]
@@ -186,7 +189,9 @@ class ObstacleTracker:
         first = track.samples[0]
         return self._sightings.left(first.sensors, first.beams, first.ranges) if len(track.samples) > 1 else 0
 
-    def _extend(self, track: Track, returns: FusedReturns, own: NDArray[np.bool_]) -> None:
+    def _extend(
+        self, track: Track, returns: FusedReturns, own: NDArray[np.bool_], single: NDArray[np.bool_]
+    ) -> None:
         sample = BodySample(
             self._time,
             returns.points[own],
@@ -196,6 +201,9 @@ class ObstacleTracker:
             returns.sensors[own],
             returns.beams[own],
             returns.ranges[own],
+            returns.origins[returns.sensors[own]],
+            returns.baselines[own],
+            passing_beams(returns, own, single),
         )
         track.take(sample, self.settings.window)
 
@@ -208,7 +216,7 @@ class ObstacleTracker:
             track.moving = False
         elif track.moving or evidence >= settings.least_evidence:
             guess = track.velocity if track.moving else None
-            track.drift = drift = fit_drift(track.chosen_samples(), settings.range_noise, guess)
+            track.drift = drift = fit_drift(self._samples(track), settings.range_noise, guess)
             needed = settings.confidence * (_STAYS_MOVING if track.moving else 1.0)
             speed = float(np.hypot(*drift.velocity))
             track.moving = (
@@ -216,6 +224,16 @@ class ObstacleTracker:
                 and settings.least_speed < speed <= _OVERSHOOT * settings.top_speed
             )
             track.standing_deviation = max(settings.least_speed, drift.deviation)
+
+    def _samples(self, track: Track) -> list[BodySample]:
+        """What a velocity is fitted to: beams that met something in motion behind a body may have met the body itself."""
+        samples = []
+        for sample in track.chosen_samples():
+            passing = sample.passing
+            steady = self._sightings.steady(passing.ends // 2, passing.beams, passing.ranges)
+            known = np.isin(passing.surfaces, passing.surfaces[steady])
+            samples.append(replace(sample, passing=passing.part(known)))
+        return samples
 
     def _join(self, area: UnoccupiedArea) -> None:
         """Make one of moving tracks that go the same way and have nothing free between them."""
