@@ -128,7 +128,8 @@ def fit_drift(samples: Sequence[BodySample], range_noise: float, guess: FloatArr
 
     Hits of different times that show the same place of the body lie on one line along its surface once the motion is
     undone (symmetric point-to-line matching; no outline has to be assumed). Along a surface the hits say nothing: there
-    the wandering of their middle, sensor by sensor, decides, with the doubt that belongs to it.
+    decides where its silhouettes end (`narrow_velocity`), if it keeps its shape; else, or where nothing was seen to pass
+    it, the wandering of their middle, sensor by sensor, with the doubt that belongs to it.
 
     Parameters
     ----------
@@ -170,7 +171,7 @@ def fit_drift(samples: Sequence[BodySample], range_noise: float, guess: FloatArr
 
 
 def _fit_outline(samples: Sequence[BodySample], hits: _Hits, range_noise: float) -> Drift | None:
-    """The velocity of a body that keeps its shape: its surfaces, and where its silhouettes end; None for another one."""
+    """Velocity of a body that keeps its shape: its surfaces, and where its silhouettes end; None for another one."""
     points = np.concatenate([sample.points for sample in samples])
     times = np.concatenate([sample.times for sample in samples])
     beams = points - np.concatenate([sample.origins for sample in samples])
@@ -181,12 +182,12 @@ def _fit_outline(samples: Sequence[BodySample], hits: _Hits, range_noise: float)
     information, pull = np.zeros((2, 2)), np.zeros(2)
     with_normal = float(hits.normals.any(axis=1).mean())
     for _ in range(3):
-        covariance = np.linalg.inv(information + weak)
+        covariance: FloatArray = np.asarray(np.linalg.inv(information + weak))
         found = narrow_velocity(passed, points, times, beams, covariance @ pull, covariance, range_noise)
         if found is None:
             return None
         velocity, spread = found
-        known = np.linalg.inv(spread)
+        known: FloatArray = np.asarray(np.linalg.inv(spread))
         match = _follow(hits, known, known @ velocity, velocity, range_noise, _LEANING)
         information, pull = match.information, match.pull
     few = len(points) < _FEW_HITS * len(samples)

@@ -75,9 +75,7 @@ class PassingBeams:
         return self.part(outside[nearest])
 
 
-def passing_beams(
-    returns: FusedReturns, own: NDArray[np.bool_], single: NDArray[np.bool_]
-) -> PassingBeams:
+def passing_beams(returns: FusedReturns, own: NDArray[np.bool_], single: NDArray[np.bool_]) -> PassingBeams:
     """Find the beams that just passed a body.
 
     Parameters
@@ -86,7 +84,7 @@ def passing_beams(
     own : ndarray of bool, shape (K,)
         The hits on the body.
     single : ndarray of bool, shape (K,)
-        Hits that belong to nothing: on a face that a beam grazes they may be far from the next one and on the body still.
+        Hits that belong to nothing: on a face that a beam grazes they may be far from the next one, and on the body.
 
     Notes
     -----
@@ -138,8 +136,8 @@ def narrow_velocity(
     """Narrow a velocity by where a rigid body was hit and passed at several times.
 
     No hit of any time, moved on, may lie beyond a beam that passed the body at another time: half-planes of velocities.
-    Within them the likelihood of a velocity is the length over which the end of the body, wherever it is, agrees with all
-    hits and all passing beams.
+    Within them the likelihood of a velocity is the length over which the end of the body, wherever it is, agrees with
+    all hits and all passing beams.
 
     Parameters
     ----------
@@ -180,7 +178,7 @@ def narrow_velocity(
 def _half_planes(
     passing: PassingBeams, points: FloatArray, times: FloatArray, beams: FloatArray, range_noise: float
 ) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Rows a, b, c with a vx + b vy <= c, c - ... the length in between, and the end that each is about."""
+    """Rows a, b, c: velocities with a vx + b vy <= c agree; what is left is a length [m]. And the end that each is about."""
     moments, number = np.unique(times.round(4), return_inverse=True)
     beyond = np.einsum("enk,ek->en", points[None] - passing.origins[:, None], passing.outward)
     beyond -= _NOISE * range_noise * np.abs(beams @ passing.outward.T).T

@@ -17,8 +17,8 @@ from snnav_core.area.explained import build_scene
 from snnav_core.area.overlay import intersection
 from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.area.returns import FusedReturns
-from snnav_core.area.silhouette import passing_beams
 from snnav_core.area.sightings import Sightings
+from snnav_core.area.silhouette import passing_beams
 from snnav_core.area.track import Track
 from snnav_core.area.tracker_settings import TrackedScene, TrackerSettings
 from snnav_core.errors import InvalidInput
@@ -226,7 +226,7 @@ class ObstacleTracker:
             track.standing_deviation = max(settings.least_speed, drift.deviation)
 
     def _samples(self, track: Track) -> list[BodySample]:
-        """What a velocity is fitted to: beams that met something in motion behind a body may have met the body itself."""
+        """What a velocity is fitted to; only beams that met what stands tell that they passed the body."""
         samples = []
         for sample in track.chosen_samples():
             passing = sample.passing

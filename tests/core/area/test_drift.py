@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -13,6 +14,7 @@ from snnav_core.area.clusters import cluster_returns
 from snnav_core.area.drift import BodySample, fit_drift
 from snnav_core.area.returns import FusedReturns, fused_returns
 from snnav_core.area.sightings import Sightings
+from snnav_core.area.silhouette import narrow_velocity, passing_beams
 from snnav_core.area.tracker_settings import TrackerSettings
 from snnav_core.errors import InvalidInput
 from snnav_core.types import FloatArray
@@ -26,14 +28,32 @@ def returns_of(points: FloatArray, time: float, beams: FloatArray | None = None)
     return FusedReturns(points, np.full(count, time), zeros, numbers, np.zeros((1, 2)), np.array([0.01]))
 
 
+def sample_of(time: float, points: FloatArray, normals: FloatArray, baseline: float) -> BodySample:
+    """A sample of which no beam passed the body."""
+    count = len(points)
+    fill, numbers, zeros = np.full(count, 0.05), np.zeros(count, dtype=np.int64), np.zeros((count, 2))
+    nothing = passing_beams(returns_of(points, time), np.ones(count, dtype=np.bool_), numbers > 0)
+    return BodySample(
+        time,
+        points,
+        normals,
+        np.full(count, time),
+        fill,
+        numbers,
+        np.arange(count),
+        fill,
+        zeros,
+        np.full(count, baseline),
+        nothing,
+    )
+
+
 def disk(time: float, velocity: tuple[float, float], beams: int, shift: float) -> BodySample:
     """Exact hits all around a disk."""
     angles = shift + np.linspace(0.0, 2.0 * math.pi, beams, endpoint=False)
     normals = np.column_stack((np.cos(angles), np.sin(angles)))
     points = np.array([3.0, 2.0]) + 0.5 * normals + time * np.array(velocity)
-    numbers = np.zeros(beams, dtype=np.int64)
-    fill = np.full(beams, 0.05)
-    return BodySample(time, points, normals, np.full(beams, time), fill, numbers, np.arange(beams), fill)
+    return sample_of(time, points, normals, 0.15)
 
 
 @given(
@@ -58,13 +78,68 @@ def test_along_a_face_nothing_is_sure() -> None:
         y = np.linspace(1.0, 2.0, 21)
         points = np.column_stack((np.full(21, 3.0) + 0.06 * k, y))
         normals = np.tile([-1.0, 0.0], (21, 1))
-        fill, numbers = np.full(21, 0.05), np.zeros(21, dtype=np.int64)
-        times = np.full(21, 0.3 * k)
-        samples.append(BodySample(0.3 * k, points, normals, times, fill, numbers, np.arange(21), fill))
+        samples.append(sample_of(0.3 * k, points, normals, 0.15))
     drift = fit_drift(samples, 0.005)
     assert drift.velocity == pytest.approx([0.2, 0.0], abs=0.01)
     across, along = np.sqrt(np.diag(drift.covariance))
     assert along > 5.0 * across
+
+
+def test_where_a_silhouette_ends_tells_the_motion_along_a_face() -> None:
+    """A face of 1 m in front of a wall, seen by one scanner at the origin, slides along itself."""
+    speed, angles = 0.3, np.arctan(np.arange(-60, 61) * 0.01)
+    samples, passing = [], []
+    for k in range(5):
+        middle = speed * 0.3 * k - 0.2
+        on_face = np.abs(4.0 * np.tan(angles) - middle) <= 0.5
+        depth = np.where(on_face, 4.0, 6.0)
+        returns = returns_of(np.column_stack((depth, depth * np.tan(angles))), 0.3 * k)
+        found = passing_beams(returns, on_face, np.zeros(len(angles), dtype=np.bool_))
+        passing.append(found.past(returns.points[on_face]))
+        assert sorted(passing[-1].ends) == [0, 1]
+        samples.append(returns.points[on_face])
+    points, times = np.concatenate(samples), np.repeat(0.3 * np.arange(5), [len(part) for part in samples])
+    beams = points / np.hypot(*points.T)[:, None]
+    passed = functools.reduce(lambda one, other: one.joined(other), passing)
+    flat = np.diag([1e-6, 1.0])
+    narrowed = narrow_velocity(passed, points, times, beams, np.zeros(2), flat, 0.005)
+    assert narrowed is not None
+    velocity, covariance = narrowed
+    deviation = math.sqrt(covariance[1, 1])
+    assert deviation < 0.03  # 4 cm between two beams
+    assert abs(velocity[1] - speed) < 3.0 * deviation
+    # a hit far outside contradicts what passed
+    points[0, 1] -= 1.0
+    assert narrow_velocity(passed, points, times, beams, np.zeros(2), flat, 0.005) is None
+
+
+def test_what_hides_the_end_of_a_body_does_not_tell_where_it_ends() -> None:
+    y = np.linspace(-1.0, 1.0, 41)
+    depth = np.where(y < -0.3, 2.0, np.where(y < 0.4, 3.0, 5.0))
+    returns = returns_of(np.column_stack((depth, depth * y)), 0.0)
+    found = passing_beams(returns, depth == 3.0, np.zeros(41, dtype=np.bool_))
+    assert set(found.ends) == {1}
+    single = np.zeros(41, dtype=np.bool_)
+    single[np.flatnonzero(depth == 5.0)[0]] = True
+    other = passing_beams(returns, depth == 3.0, single)
+    assert other.beams.min() == found.beams.min() + 1
+
+
+def test_what_stands_behind_was_seen_twice() -> None:
+    def scan(far: float) -> FusedReturns:
+        angles = 0.01 * np.arange(40)
+        length = np.where(np.arange(40) < 20, 3.0, far)
+        return returns_of(length[:, None] * np.column_stack((np.cos(angles), np.sin(angles))), 0.0)
+
+    sightings = Sightings(1.5, 0.05)
+    sightings.take(0.0, scan(5.0))
+    zeros = np.zeros(2, dtype=np.int64)
+    asked = zeros, np.array([5, 30]), np.array([3.0, 5.0])
+    assert not sightings.steady(*asked).any()
+    sightings.take(0.3, scan(5.0))
+    assert sightings.steady(*asked).all()
+    sightings.take(0.6, scan(6.0))
+    assert sightings.steady(*asked).tolist() == [True, False]
 
 
 def test_hits_apart_are_bodies_of_their_own() -> None:
