@@ -11,13 +11,15 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from snnav_core.area.silhouette import PassingBeams, narrow_velocity
+from snnav_core.area.silhouette import PassingBeams, narrow_velocity, velocity_limits
 from snnav_core.types import FloatArray
 
 __all__ = ["BodySample", "Drift", "fit_drift"]
 
 _MOST_POINTS = 48  # of one sample that take part in a fit
 _GATES = (0.3, 0.15, 0.08, 0.08, 0.08)  # [m]; hits farther apart show different places of the body
+_NEAR_GATES = _GATES[1:4]  # the same where the velocity is nearly known
+_ROUNDS = 2  # of silhouettes and surfaces in turn
 _SAME_SIDE = 0.7  # cosine between the normals of hits on one place
 _ROBUST = 4.0  # in deviations of a range: residuals beyond count little
 _RIGID = 0.5  # share of hits that lie over others in a body that does not change its shape
@@ -128,8 +130,8 @@ def fit_drift(samples: Sequence[BodySample], range_noise: float, guess: FloatArr
 
     Hits of different times that show the same place of the body lie on one line along its surface once the motion is
     undone (symmetric point-to-line matching; no outline has to be assumed). Along a surface the hits say nothing: there
-    decides where its silhouettes end (`narrow_velocity`), if it keeps its shape; else, or where nothing was seen to pass
-    it, the wandering of their middle, sensor by sensor, with the doubt that belongs to it.
+    decides where its silhouettes end (`narrow_velocity`), if it keeps its shape; else, or where no beam was seen to
+    pass it, the wandering of their middle, sensor by sensor, with the doubt that belongs to it.
 
     Parameters
     ----------
@@ -178,17 +180,18 @@ def _fit_outline(samples: Sequence[BodySample], hits: _Hits, range_noise: float)
     beams /= np.hypot(*beams.T)[:, None]
     passing = [sample.passing.past(sample.points) for sample in samples]
     passed = functools.reduce(PassingBeams.joined, passing)
+    limits = velocity_limits(passed, points, times, beams, range_noise)
     weak = np.eye(2) / _ANY_SPEED**2
     information, pull = np.zeros((2, 2)), np.zeros(2)
     with_normal = float(hits.normals.any(axis=1).mean())
-    for _ in range(3):
+    for _ in range(_ROUNDS):
         covariance: FloatArray = np.asarray(np.linalg.inv(information + weak))
-        found = narrow_velocity(passed, points, times, beams, covariance @ pull, covariance, range_noise)
+        found = narrow_velocity(limits, covariance @ pull, covariance)
         if found is None:
             return None
         velocity, spread = found
         known: FloatArray = np.asarray(np.linalg.inv(spread))
-        match = _follow(hits, known, known @ velocity, velocity, range_noise, _LEANING)
+        match = _follow(hits, known, known @ velocity, velocity, range_noise, _NEAR_GATES, _LEANING)
         information, pull = match.information, match.pull
     few = len(points) < _FEW_HITS * len(samples)
     if match.agreement < (_RIGID * with_normal**2 if few else _RIGID):
@@ -223,12 +226,13 @@ def _follow(
     pull: FloatArray,
     velocity: FloatArray,
     range_noise: float,
+    gates: Sequence[float] = _GATES,
     leaning_share: float = 0.0,
 ) -> _Match:
     """Lay samples over each other, starting from a velocity."""
     samples = len(hits.offsets) - 1
     most = 0.5 * len(hits.points) * (samples - 1)  # every hit over one of every other sample
-    for gate in _GATES:
+    for gate in gates:
         equations = _lay_over(
             hits.points,
             hits.normals,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from snnav_core.area.returns import FusedReturns
 from snnav_core.types import FloatArray
 
-__all__ = ["PassingBeams", "narrow_velocity", "passing_beams"]
+__all__ = ["Limits", "PassingBeams", "narrow_velocity", "passing_beams", "velocity_limits"]
 
 _BEHIND = 0.1  # [m] that a beam reaches farther than the last hit on the body, if it passed the body
 _NEXT = 8  # beams on each side of which the nearest one that met what stands tells where a body ends
@@ -124,20 +124,18 @@ def passing_beams(returns: FusedReturns, own: NDArray[np.bool_], single: NDArray
     )
 
 
-def narrow_velocity(
-    passing: PassingBeams,
-    points: FloatArray,
-    times: FloatArray,
-    beams: FloatArray,
-    expected: FloatArray,
-    covariance: FloatArray,
-    range_noise: float,
-) -> tuple[FloatArray, FloatArray] | None:
-    """Narrow a velocity by where a rigid body was hit and passed at several times.
+@dataclass(frozen=True)
+class Limits:
+    """Half-planes of velocities a vx + b vy <= c: rows (N, 3), c in metres; and the end that each is about, (N,)."""
 
-    No hit of any time, moved on, may lie beyond a beam that passed the body at another time: half-planes of velocities.
-    Within them the likelihood of a velocity is the length over which the end of the body, wherever it is, agrees with
-    all hits and all passing beams.
+    rows: FloatArray
+    ends: NDArray[np.int64]
+
+
+def velocity_limits(
+    passing: PassingBeams, points: FloatArray, times: FloatArray, beams: FloatArray, range_noise: float
+) -> Limits:
+    """Velocities at which no hit, moved on, lies beyond a beam that passed the body at another time.
 
     Parameters
     ----------
@@ -147,48 +145,53 @@ def narrow_velocity(
         All hits [m, map], and the unit vectors of the beams that met them.
     times : ndarray, shape (n,)
         [s]
-    expected, covariance : ndarray, shapes (2,), (2, 2)
-        What is known of the velocity besides [m/s].
     range_noise : float
         Standard deviation of a range [m].
+    """
+    moments, number = np.unique(times.round(4), return_inverse=True)
+    beyond = np.einsum("enk,ek->en", points[None] - passing.origins[:, None], passing.outward)
+    beyond -= _NOISE * range_noise * np.abs(beams @ passing.outward.T).T
+    farthest = np.empty((len(passing.times), len(moments)))
+    for moment in range(len(moments)):
+        farthest[:, moment] = beyond[:, number == moment].max(axis=1)
+    passed = passing.times[:, None] - moments[None]
+    edge, moment_of = np.nonzero(np.abs(passed) > _LEAST_PASSED)
+    slopes = passing.outward[edge] * passed[edge, moment_of, None]
+    return Limits(np.column_stack((slopes, -farthest[edge, moment_of])), passing.ends[edge])
+
+
+def narrow_velocity(
+    limits: Limits, expected: FloatArray, covariance: FloatArray
+) -> tuple[FloatArray, FloatArray] | None:
+    """Narrow a velocity by where a rigid body was hit and passed at several times.
+
+    Within the limits the likelihood of a velocity is the length over which the end of the body, wherever it is, agrees
+    with all hits and all passing beams.
+
+    Parameters
+    ----------
+    limits : Limits
+    expected, covariance : ndarray, shapes (2,), (2, 2)
+        What is known of the velocity besides [m/s].
 
     Returns
     -------
     velocity, covariance : ndarray, or None
         None where nothing was passed, or hits and passing beams contradict each other.
     """
-    if len(passing.times) == 0:
-        return None
-    groups, ends = _half_planes(passing, points, times, beams, range_noise)
-    if len(groups) == 0:
+    if len(limits.rows) == 0:
         return None
     spread, axes = np.linalg.eigh(covariance)  # the shorter axis first
     half = _SPREAD * np.sqrt(np.maximum(spread, 1e-12))
     corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * half
     start = expected + corners @ axes.T
     for slack in _SLACKS:
-        limits = groups.copy()
-        limits[:, 2] += slack
-        region = _clip(start, limits)
+        rows = limits.rows.copy()
+        rows[:, 2] += slack
+        region = _clip(start, rows)
         if len(region):
-            return _weigh(region, limits, ends, expected, covariance, axes)
+            return _weigh(region, rows, limits.ends, expected, covariance, axes)
     return None
-
-
-def _half_planes(
-    passing: PassingBeams, points: FloatArray, times: FloatArray, beams: FloatArray, range_noise: float
-) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Rows a, b, c: velocities with a vx + b vy <= c agree; what is left is a length [m]. And the end that each is about."""
-    moments, number = np.unique(times.round(4), return_inverse=True)
-    beyond = np.einsum("enk,ek->en", points[None] - passing.origins[:, None], passing.outward)
-    beyond -= _NOISE * range_noise * np.abs(beams @ passing.outward.T).T
-    farthest = np.full((len(passing.times), len(moments)), -np.inf)
-    np.maximum.at(farthest.T, number, beyond.T)
-    passed = passing.times[:, None] - moments[None]
-    other = np.abs(passed) > _LEAST_PASSED
-    edge, moment = np.nonzero(other)
-    rows = np.column_stack((passing.outward[edge] * passed[edge, moment, None], -farthest[edge, moment]))
-    return rows, passing.ends[edge]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -216,7 +219,7 @@ def _clip(region, limits):  # type: ignore[no-untyped-def]
 
 def _weigh(
     region: FloatArray,
-    limits: FloatArray,
+    rows: FloatArray,
     ends: NDArray[np.int64],
     expected: FloatArray,
     covariance: FloatArray,
@@ -230,7 +233,7 @@ def _weigh(
     ]
     grid = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 2) @ axes.T + expected
     _, group = np.unique(ends, return_inverse=True)
-    lengths = _agreeing(grid, limits, group.astype(np.int64), int(group.max()) + 1)
+    lengths = _agreeing(grid, rows, group.astype(np.int64), int(group.max()) + 1)
     off = grid - expected
     weights = lengths * np.exp(-0.5 * np.sum(off @ np.linalg.inv(covariance) * off, axis=1))
     total = float(weights.sum())

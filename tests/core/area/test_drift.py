@@ -14,7 +14,7 @@ from snnav_core.area.clusters import cluster_returns
 from snnav_core.area.drift import BodySample, fit_drift
 from snnav_core.area.returns import FusedReturns, fused_returns
 from snnav_core.area.sightings import Sightings
-from snnav_core.area.silhouette import narrow_velocity, passing_beams
+from snnav_core.area.silhouette import narrow_velocity, passing_beams, velocity_limits
 from snnav_core.area.tracker_settings import TrackerSettings
 from snnav_core.errors import InvalidInput
 from snnav_core.types import FloatArray
@@ -102,7 +102,7 @@ def test_where_a_silhouette_ends_tells_the_motion_along_a_face() -> None:
     beams = points / np.hypot(*points.T)[:, None]
     passed = functools.reduce(lambda one, other: one.joined(other), passing)
     flat = np.diag([1e-6, 1.0])
-    narrowed = narrow_velocity(passed, points, times, beams, np.zeros(2), flat, 0.005)
+    narrowed = narrow_velocity(velocity_limits(passed, points, times, beams, 0.005), np.zeros(2), flat)
     assert narrowed is not None
     velocity, covariance = narrowed
     deviation = math.sqrt(covariance[1, 1])
@@ -110,7 +110,8 @@ def test_where_a_silhouette_ends_tells_the_motion_along_a_face() -> None:
     assert abs(velocity[1] - speed) < 3.0 * deviation
     # a hit far outside contradicts what passed
     points[0, 1] -= 1.0
-    assert narrow_velocity(passed, points, times, beams, np.zeros(2), flat, 0.005) is None
+    limits = velocity_limits(passed, points, times, beams, 0.005)
+    assert narrow_velocity(limits, np.zeros(2), flat) is None
 
 
 def test_what_hides_the_end_of_a_body_does_not_tell_where_it_ends() -> None:
