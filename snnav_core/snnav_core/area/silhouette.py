@@ -19,7 +19,7 @@ _INSIDE = 0.02  # [m] by which hits of the same measurement may lie beyond a bea
 _NOISE = 2.5  # deviations of a range by which a hit may lie outside of the body
 _SLACKS = (0.0, 0.004, 0.01, 0.02)  # [m] by which hits and passing beams may contradict each other
 _SPREAD = 4.0  # deviations around the expected velocity that are looked at
-_GRID = (33, 25)  # velocities along the longer and the shorter side
+_GRID = (25, 17)  # velocities along the longer and the shorter side
 _LEAST_PASSED = 1e-3  # [s]
 
 

@@ -227,13 +227,18 @@ class ObstacleTracker:
 
     def _samples(self, track: Track) -> list[BodySample]:
         """What a velocity is fitted to; only beams that met what stands tell that they passed the body."""
-        samples = []
-        for sample in track.chosen_samples():
-            passing = sample.passing
-            steady = self._sightings.steady(passing.ends // 2, passing.beams, passing.ranges)
-            known = np.isin(passing.surfaces, passing.surfaces[steady])
-            samples.append(replace(sample, passing=passing.part(known)))
-        return samples
+        samples = track.chosen_samples()
+        passing = [sample.passing for sample in samples]
+        steady = self._sightings.steady(
+            np.concatenate([beams.ends // 2 for beams in passing]),
+            np.concatenate([beams.beams for beams in passing]),
+            np.concatenate([beams.ranges for beams in passing]),
+        )
+        borders = np.cumsum([len(beams.ends) for beams in passing])[:-1]
+        return [
+            replace(sample, passing=beams.part(np.isin(beams.surfaces, beams.surfaces[stands])))
+            for sample, beams, stands in zip(samples, passing, np.split(steady, borders), strict=True)
+        ]
 
     def _join(self, area: UnoccupiedArea) -> None:
         """Make one of moving tracks that go the same way and have nothing free between them."""
