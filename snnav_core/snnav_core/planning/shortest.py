@@ -207,6 +207,9 @@ class GoalTree:
         corner = self.nodes[:-1]
         line = corner - points
         back, ahead = self.curves.before[corners] - corner, self.curves.ends[corners] - corner
-        ca = line[:, 0] * back[:, 1] - line[:, 1] * back[:, 0]
-        cb = line[:, 0] * ahead[:, 1] - line[:, 1] * ahead[:, 0]
-        return np.asarray(ca * cb >= -1e-9)
+        with np.errstate(
+            invalid="ignore"
+        ):  # NaN where the circle has no tangent through the node: not outside
+            ca = line[:, 0] * back[:, 1] - line[:, 1] * back[:, 0]
+            cb = line[:, 0] * ahead[:, 1] - line[:, 1] * ahead[:, 0]
+            return np.asarray(ca * cb >= -1e-9)
