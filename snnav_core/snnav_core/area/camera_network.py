@@ -161,6 +161,11 @@ class CameraNetwork:
         latest = self._latest.get(camera_id)
         return None if latest is None else latest.stamp
 
+    @property
+    def contradictions(self) -> dict[str, int]:
+        """How many points each camera measured where nothing should be, in the images of the last area."""
+        return self._fusion.contradictions
+
     def area(self, time: float) -> SpatialArea:
         """Return what is proved free at a time [s].
 

@@ -13,6 +13,7 @@ from snnav_core.area.carving import Carver
 from snnav_core.area.cell_distance import distance_to_cells
 from snnav_core.area.grid import Grid
 from snnav_core.area.spatial import SpatialArea
+from snnav_core.area.spatial_contradictions import mark_contradictions
 from snnav_core.area.spatial_rays import pass_through_robots, ways_to_walls
 from snnav_core.errors import InvalidInput, ScanError
 from snnav_core.sensing.depth import DepthCamera, DepthImage
@@ -21,6 +22,7 @@ from snnav_core.types import FloatArray
 __all__ = ["SpatialFusion", "SpatialFusionSettings"]
 
 _SAME_STAMP = 1e-6  # [s]
+_ROUNDING = 1e-4  # [m]; of ranges and of ways to walls in single precision
 _APEX = 0.71  # of a pixel's width: a right-angled corner between rays is nearer than they measure by no more
 
 
@@ -46,6 +48,9 @@ class SpatialFusionSettings:
     clock_tolerance : float
         An image may be stamped this far ahead of the clock at its arrival [s]. Every one counts as this much older than
         its stamp says.
+    contradiction_depth : float
+        A point that is measured deeper than this in what was seen free is counted as a contradiction, and is an
+        obstacle [m]: something is faster than `boundary_speed`, thinner than what another camera can see, or wrong.
 
     Raises
     ------
@@ -61,9 +66,10 @@ class SpatialFusionSettings:
     reach: float = 2.0
     robot_pad: float | None = None
     clock_tolerance: float = 0.0
+    contradiction_depth: float = 0.2
 
     def __post_init__(self) -> None:
-        for name in ("boundary_speed", "range_accuracy", "reach", "clock_tolerance"):
+        for name in ("boundary_speed", "range_accuracy", "reach", "clock_tolerance", "contradiction_depth"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise InvalidInput(f"spatial fusion: {name} is {value}, must be a number of at least 0")
@@ -144,6 +150,8 @@ class SpatialFusion:
         self._time = -math.inf  # of the last area
         self._seen = -math.inf  # what is remembered holds then: the newest stamp that is part of it
         self._glances: list[_Glance] = []
+        self.contradictions = dict.fromkeys(self._eyes, 0)
+        """How many points each camera measured in the images of the last area where nothing should be."""
         for eye in self._eyes.values():
             eye.last_stamp = -math.inf
 
@@ -209,6 +217,7 @@ class SpatialFusion:
             key=lambda one: one.image.stamp,
         )
         self._glances = [one for one in self._glances if one.image.stamp > time + _SAME_STAMP]
+        self.contradictions = dict.fromkeys(self._eyes, 0)
         while due:
             stamp = due[0].image.stamp
             group = [one for one in due if one.image.stamp <= stamp + _SAME_STAMP]
@@ -239,6 +248,31 @@ class SpatialFusion:
             seen = self._clearance(glances, np.zeros(self._memory.shape, dtype=np.uint8))
             seen -= np.float32((self._seen - stamp) * self.settings.boundary_speed)
         self._memory = np.maximum(self._memory, seen)
+        self._cut(glances)
+
+    def _cut(self, glances: Sequence[_Glance]) -> None:
+        """Let nothing be free around points that were measured deep in what is."""
+        settings, grid = self.settings, self.settings.grid
+        marked = np.zeros(grid.shape, dtype=np.uint8)
+        nearer = np.float32(settings.range_accuracy + _ROUNDING)
+        for glance in glances:
+            eye = glance.eye
+            self.contradictions[eye.camera.id] += mark_contradictions(
+                marked,
+                self._memory,
+                settings.contradiction_depth,
+                grid.origin,
+                grid.spacing,
+                glance.image.measured(eye.camera.model),
+                eye.rays,
+                eye.camera.position,
+                eye.walls - nearer,
+                glance.spheres,
+                settings.pad,
+            )
+        if marked.any():
+            away = distance_to_cells(marked, grid.spacing, settings.reach)[0]
+            self._memory = np.minimum(self._memory, away)
 
     def _clearance(self, glances: Sequence[_Glance], free: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Carve images out of the cells that are not yet `free` and measure the clearance of all that are."""

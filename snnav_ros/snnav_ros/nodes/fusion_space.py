@@ -179,8 +179,8 @@ class SpaceFusion:
             self._grids.publish(spatial_area_to_grid(area))
 
     def sensor_values(self, name: str, area: SpatialArea) -> dict[str, object]:
-        """What the status of a camera tells besides what all do: nothing."""
-        return {}
+        """What the status of a camera tells besides what all do."""
+        return {"contradictions": self.fusion.contradictions[name]}
 
     def area_values(self, area: SpatialArea) -> dict[str, object]:
         """What the status of the fusion tells of an area."""

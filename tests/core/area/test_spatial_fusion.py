@@ -100,6 +100,7 @@ def test_memory_is_sound_while_bodies_move(seed: int) -> None:
         later = distance(CENTRES, now + velocity[:, None, :] * 0.7)
         grown = area.moving - 0.7 * speed
         assert (grown[grown > 0.0] <= later[grown > 0.0] + 1e-5).all()
+        assert not any(fusion.contradictions.values())
 
 
 @settings(max_examples=10, deadline=None)
@@ -204,6 +205,33 @@ def test_a_known_robot_does_not_shut_itself_in() -> None:
         for one in eyes:
             fusion.add_image(one.id, image(one, body, ROOM), robots)
         assert (fusion.area(0.0).moving[30, 25, 15] > 0.5) == clear
+
+
+def test_a_body_that_appears_where_all_was_free_is_an_obstacle_and_told() -> None:
+    """It is faster than boundary_speed allows; a known robot at the same place is no contradiction."""
+    body = np.array([[[2.9, 2.4, 1.3], [3.2, 2.7, 1.6]]])
+    place = body.mean(axis=(0, 1))
+    eyes = corners(3)
+    fusion = SpatialFusion(eyes, SpatialFusionSettings(GRID, boundary_speed=0.1))
+    for one in eyes:
+        fusion.add_image(one.id, image(one, np.empty((0, 2, 3)), ROOM, 0.0))
+    assert fusion.area(0.0).clearance_at(place[None])[0] > 1.0
+    for one in eyes:
+        fusion.add_image(one.id, image(one, body, ROOM, 0.2), np.array([[*place, 0.2]]))
+    assert fusion.area(0.2).clearance_at(place[None])[0] > 1.0
+    assert not any(fusion.contradictions.values())
+    for one in eyes[:2]:
+        fusion.add_image(one.id, image(one, body, ROOM, 0.4))
+    area = fusion.area(0.4)
+    assert [fusion.contradictions[one.id] > 10 for one in eyes] == [True, True, False]
+    seen = body[0]  # the corners that two cameras look at
+    assert (area.clearance_at(seen) <= 0.0).all()
+    proved = area.moving > 0.0
+    away = distance(CENTRES, body)
+    assert (area.moving[proved] <= away[proved] + 0.3).all()  # up to the depth of the body behind its surface
+    for one in eyes:
+        fusion.add_image(one.id, image(one, np.empty((0, 2, 3)), ROOM, 0.6))
+    assert fusion.area(0.6).clearance_at(place[None])[0] > 1.0
 
 
 def test_where_a_robot_is_put_down_can_be_declared_free() -> None:

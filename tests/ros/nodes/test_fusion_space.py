@@ -63,7 +63,13 @@ def test_images_make_the_area_of_the_sampling_instant(graph: Any) -> None:
     assert 15.0 < float(values["coverage"]) < 24.0
     assert int(values["free_cells"]) == int((area.moving > 0.0).sum())
     values = {one.key: one.value for one in site.status("sensor low").values}
-    assert values == {"age": "0.100", "rate": "4.00", "rejected": "0", "enabled": "True"}
+    assert values == {
+        "age": "0.100",
+        "rate": "4.00",
+        "rejected": "0",
+        "contradictions": "0",
+        "enabled": "True",
+    }
 
 
 def test_grid_is_published_to_who_listens(graph: Any) -> None:
