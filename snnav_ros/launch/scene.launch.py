@@ -3,6 +3,7 @@
     ros2 launch snnav_ros scene.launch.py scene:=factory
     ros2 launch snnav_ros scene.launch.py scene:=/path/hall.yaml lockstep:=true rviz:=true
     ros2 launch snnav_ros scene.launch.py scene:=ten_robots planners:=2
+    ros2 launch snnav_ros scene.launch.py scene:=hello_flight
 
 Time is simulated: by the wall clock (`rate` times as fast), or in lockstep as fast as the machine can.
 """
@@ -14,15 +15,15 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchContext, LaunchDescription
-from snnav_ros.casting import FUSION, TRACKER, every_sample, share_robots
+from snnav_ros.casting import FUSION, TRACKER, every_sample, is_unplanned, share_robots
 from snnav_ros.nodes.operator import needs_operator
-from snnav_sim.scene import find_scene, load_scene
+from snnav_sim.scene import SpaceScene, find_scene, load_any_scene
 
 
 def scene_nodes(context: LaunchContext) -> list[Node]:
     """Return the nodes of the scene that the arguments name."""
     path = find_scene(LaunchConfiguration("scene").perform(context))
-    scene = load_scene(path)
+    scene = load_any_scene(path)
     lockstep = LaunchConfiguration("lockstep").perform(context) == "true"
     namespace = LaunchConfiguration("namespace").perform(context)
     common = {"scene": str(path), "lockstep": lockstep}
@@ -42,14 +43,18 @@ def scene_nodes(context: LaunchContext) -> list[Node]:
     shares = share_robots(scene, count_of(LaunchConfiguration("planners").perform(context)))
     several = {"planners": list(shares)} if len(shares) > 1 else {}
     planner = "global_planner_node" if scene.plans_globally else "planner_node"
-    return [
-        *(node("lms200_node", sensor.id, sensor_id=sensor.id) for sensor in scene.sensors),
+    device = "tof_node" if isinstance(scene, SpaceScene) else "lms200_node"
+    central = [
+        *(node(device, sensor.id, sensor_id=sensor.id) for sensor in scene.sensors),
         node("fusion_node", FUSION),
         *([node("tracker_node", TRACKER)] if scene.plans_globally else []),
         *(
             node(planner, name, **several, **({"serves": robots} if several else {}))
             for name, robots in shares.items()
         ),
+    ]
+    return [
+        *([] if is_unplanned(scene) else central),
         *(node("robot_node", robot.id, robot_id=robot.id, **several) for robot in scene.robots),
         *([node("operator_node", "operator_node")] if needs_operator(scene) else []),
         node(

@@ -142,6 +142,7 @@ class SpatialFusion:
             walls, behind = ways_to_walls(camera, grid, self._walls, settings.walled_in)
             self._eyes[camera.id] = _Eye(camera, Carver(camera, grid), rays, walls, behind)
         self._static = self._to_walls()
+        self._marked = np.zeros(grid.shape, dtype=np.uint8)
         self.reset()
 
     def reset(self) -> None:
@@ -253,12 +254,11 @@ class SpatialFusion:
     def _cut(self, glances: Sequence[_Glance]) -> None:
         """Let nothing be free around points that were measured deep in what is."""
         settings, grid = self.settings, self.settings.grid
-        marked = np.zeros(grid.shape, dtype=np.uint8)
-        nearer = np.float32(settings.range_accuracy + _ROUNDING)
+        nearer, found = np.float32(settings.range_accuracy + _ROUNDING), 0
         for glance in glances:
             eye = glance.eye
-            self.contradictions[eye.camera.id] += mark_contradictions(
-                marked,
+            count = mark_contradictions(
+                self._marked,
                 self._memory,
                 settings.contradiction_depth,
                 grid.origin,
@@ -270,9 +270,12 @@ class SpatialFusion:
                 glance.spheres,
                 settings.pad,
             )
-        if marked.any():
-            away = distance_to_cells(marked, grid.spacing, settings.reach)[0]
+            self.contradictions[eye.camera.id] += count
+            found += count
+        if found:
+            away = distance_to_cells(self._marked, grid.spacing, settings.reach)[0]
             self._memory = np.minimum(self._memory, away)
+            self._marked[:] = 0
 
     def _clearance(self, glances: Sequence[_Glance], free: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Carve images out of the cells that are not yet `free` and measure the clearance of all that are."""
