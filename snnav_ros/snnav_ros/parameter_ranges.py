@@ -74,6 +74,8 @@ RANGES: dict[str, tuple[float, float]] = {
     "time_window": (1, 1000),
     "search_interval": _COUNT,
     "searches_per_step": _COUNT,
+    "searches": _COUNT,
+    "retreat_steps": _COUNT,
     "followed_steps": (0, 1_000),
     "crowd": _COUNT,
     "max_adjusted": _COUNT,

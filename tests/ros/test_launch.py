@@ -19,6 +19,7 @@ from snnav_ros.nodes.lms200 import Lms200Node
 from snnav_ros.nodes.operator import OperatorNode
 from snnav_ros.nodes.planner import PlannerNode
 from snnav_ros.nodes.robot import RobotNode
+from snnav_ros.nodes.tof import TofNode
 from snnav_ros.nodes.tracker import TrackerNode
 from snnav_sim.scene import Retarget, dump_scene, find_scene, load_scene
 
@@ -26,6 +27,7 @@ FOLDER = Path(__file__).parents[2] / "snnav_ros" / "launch"
 CONFIG = FOLDER.parent / "config" / "network.yaml"
 KINDS = {
     "lms200_node": Lms200Node,
+    "tof_node": TofNode,
     "fusion_node": FusionNode,
     "planner_node": PlannerNode,
     "tracker_node": TrackerNode,
@@ -100,7 +102,25 @@ def test_scene_brings_up_its_nodes(launch_file: Any, graph: Any, lockstep: str) 
     ]  # fmt: skip
     made = brought_up(graph, nodes)
     graph.until(lambda: made["clock_node"].time > 3.0)
-    graph.until(lambda: made["robot_1"]._base.pose.x > 1.3, "the robot to drive")
+    graph.until(lambda: made["robot_1"]._body._base.pose.x > 1.3, "the robot to drive")
+
+
+def test_scene_in_space_brings_up_its_nodes(launch_file: Any, graph: Any) -> None:
+    module = launch_file("scene.launch.py")
+    context = arguments_of(module.generate_launch_description())
+    nodes = module.scene_nodes({**context, "scene": "hello_flight", "lockstep": "true"})
+    assert [node.kwargs["executable"] for node in nodes] == [
+        *["tof_node"] * 4, "fusion_node", "planner_node", "robot_node", "clock_node",
+    ]  # fmt: skip
+    made = brought_up(graph, nodes)
+    graph.until(lambda: made["bee"]._body._base.state.speed > 0.0, "the robot to fly")
+
+
+def test_scene_where_nothing_is_planned_needs_no_fusion(launch_file: Any) -> None:
+    module = launch_file("scene.launch.py")
+    context = arguments_of(module.generate_launch_description())
+    nodes = module.scene_nodes({**context, "scene": "thesis_ch4_tracking"})
+    assert [node.kwargs["executable"] for node in nodes] == ["robot_node", "clock_node"]
 
 
 def test_scene_with_the_global_planner_brings_up_tracker_and_global_planner(
@@ -116,7 +136,7 @@ def test_scene_with_the_global_planner_brings_up_tracker_and_global_planner(
         "fusion_node", "tracker_node", "global_planner_node", "robot_1", "clock_node",
     ]  # fmt: skip
     made = brought_up(graph, nodes)
-    graph.until(lambda: made["robot_1"]._base.pose.x > 1.5, "the robot to drive")
+    graph.until(lambda: made["robot_1"]._body._base.pose.x > 1.5, "the robot to drive")
 
 
 def test_several_planners_and_an_operator_where_the_scene_asks_for_them(
@@ -138,7 +158,7 @@ def test_several_planners_and_an_operator_where_the_scene_asks_for_them(
     graph.until(lambda: made["clock_node"].time > 4.0)
     assert made["planner_1"]._goals["robot_1"] == (2.0, 4.8)
     assert set(made["planner_2"].robots) == {"robot_1", "late"}
-    assert made["late"]._base.pose.x < 8.0
+    assert made["late"]._body._base.pose.x < 8.0
 
 
 @pytest.mark.parametrize(
