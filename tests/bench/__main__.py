@@ -7,6 +7,7 @@ import sys
 
 import area_bench
 import crowd_bench
+import flight_bench
 import lidar_bench
 import planning_bench
 import spacetime_bench
@@ -21,6 +22,7 @@ BENCHES = {
     "unoccupied area: 12 scanners of 361 beams, 3 robots removed": area_bench.rows,
     "scanner: 361 beams against 200 segments": lidar_bench.rows,
     "ToF camera: 128 x 128 pixels against 504 triangles": tof_bench.rows,
+    **flight_bench.benches(),
     "fusion and decision for all robots, hall of 80 x 60 m, 40 scanners, delta 1 s": crowd_bench.rows,
     **swap_bench.benches(),
     **spacetime_bench.benches(),

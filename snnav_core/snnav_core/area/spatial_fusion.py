@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -280,8 +281,13 @@ class SpatialFusion:
     def _clearance(self, glances: Sequence[_Glance], free: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Carve images out of the cells that are not yet `free` and measure the clearance of all that are."""
         settings, grid = self.settings, self.settings.grid
-        for glance in glances:
+
+        def carve(glance: _Glance) -> None:
             glance.eye.carver.carve(self._free_up_to(glance), free)
+
+        with ThreadPoolExecutor(2) as pool:  # cells are set free only, by whom and when does not matter
+            list(pool.map(carve, glances))
+        for glance in glances:
             _free_spheres(free, grid, glance.spheres, settings.pad)
         solid = ((free == 0) & (self._walls == 0)).astype(np.uint8)
         if settings.walled_in:
