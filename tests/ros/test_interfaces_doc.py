@@ -45,17 +45,19 @@ def test_words_of_the_text_are_those_of_the_code() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "kind"),
+    ("file", "name", "kind"),
     [
-        ("fusion_node", FusionNode),
-        ("planner_node", PlannerNode),
-        ("tracker_node", TrackerNode),
-        ("global_planner_node", GlobalPlannerNode),
-        ("cart_1", RobotNode),
+        ("network", "fusion_node", FusionNode),
+        ("network", "planner_node", PlannerNode),
+        ("network", "tracker_node", TrackerNode),
+        ("network", "global_planner_node", GlobalPlannerNode),
+        ("network", "cart_1", RobotNode),
+        ("network_in_space", "fusion_node", FusionNode),
+        ("network_in_space", "planner_node", PlannerNode),
     ],
 )
-def test_example_of_a_network_starts_its_nodes(graph: Any, name: str, kind: type) -> None:
-    content = yaml.safe_load((CONFIG / "network.yaml").read_text(encoding="utf-8"))
+def test_example_of_a_network_starts_its_nodes(graph: Any, file: str, name: str, kind: type) -> None:
+    content = yaml.safe_load((CONFIG / f"{file}.yaml").read_text(encoding="utf-8"))
     graph.add(kind, name, **flat(content[f"/**/{name}"]["ros__parameters"]))
 
 
