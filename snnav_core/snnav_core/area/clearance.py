@@ -16,32 +16,34 @@ import numpy as np
 from snnav_core.area.bins import SegmentBins
 from snnav_core.types import FloatArray
 
-__all__ = ["ClearanceField", "nearby_boundary", "nearest_boundary", "nearest_of"]
+__all__ = ["NOWHERE", "ClearanceField", "nearby_boundary", "nearest_boundary", "nearest_of"]
 
 _BIN_SIZE = 0.25  # [m]
 _FARTHEST = 1e8  # [m]; a point with a larger coordinate is outside of every area
 
+NOWHERE = (
+    np.zeros((0, 2)),
+    np.zeros((0, 2)),
+    np.zeros((0, 2)),
+    np.zeros((0, 2)),
+    np.zeros(1, dtype=np.int64),
+    np.zeros(0, dtype=np.int64),
+    np.zeros(2),
+    1.0,
+    1,
+    1,
+)
+"""`ClearanceField.arrays` where there is no boundary; kernels do not look up distances then."""
+
 
 @numba.njit(cache=True, nogil=True)
-def _query(points, limit, starts, ends, normals_start, normals_end, offsets, members, origin, size, nx, ny):  # type: ignore[no-untyped-def]
+def _query(points, limit, arrays):  # type: ignore[no-untyped-def]
     count = points.shape[0]
     distance = np.empty(count)
     gradient = np.empty((count, 2))
     for i in range(count):
         distance[i], gradient[i, 0], gradient[i, 1] = nearest_boundary(
-            points[i, 0],
-            points[i, 1],
-            limit,
-            starts,
-            ends,
-            normals_start,
-            normals_end,
-            offsets,
-            members,
-            origin,
-            size,
-            nx,
-            ny,
+            points[i, 0], points[i, 1], limit, *arrays
         )
     return distance, gradient
 
@@ -248,7 +250,7 @@ class ClearanceField:
         points = np.require(points, np.float64, ["C", "W"]).reshape(-1, 2)
         if self.is_empty:
             return np.full(len(points), -math.inf), np.zeros((len(points), 2))
-        distance, gradient = _query(points, limit, *self.arrays)
+        distance, gradient = _query(points, limit, self.arrays)
         return distance, gradient
 
     @property

@@ -8,14 +8,14 @@ from collections.abc import Sequence
 import numba
 import numpy as np
 
-from snnav_core.area.clearance import ClearanceField, nearby_boundary, nearest_boundary, nearest_of
+from snnav_core.area.clearance import NOWHERE, ClearanceField, nearby_boundary, nearest_boundary, nearest_of
+from snnav_core.planning.contact import TOUCHING, push_out
 from snnav_core.planning.fields import Barrier, BoundaryBarrier, CircleBarrier, DiskBarrier
 from snnav_core.types import FloatArray
 
 __all__ = ["adjust_in_plane"]
 
 _TINY = 1e-12
-_TOUCHING = -1e-9  # [m]
 _SLACK = 0.04  # [m]; half of it is what a point moves before the segments near it are gathered again ...
 _MOST_NEAR = 12  # ... of which there are at most so many
 _QUIET = 5  # passes without a change of the number of points before rest counts
@@ -55,7 +55,7 @@ def adjust_in_plane(
     if len(disks) + (boundary is not None) != len(barriers):
         return None
     if boundary is None:
-        arrays, margins = _NOWHERE, np.zeros(0)
+        arrays, margins = NOWHERE, np.zeros(0)
     elif isinstance(boundary.field, ClearanceField) and not boundary.field.is_empty:
         arrays, margins = boundary.field.arrays, np.ascontiguousarray(boundary.margins, dtype=np.float64)
     else:
@@ -77,20 +77,6 @@ def adjust_in_plane(
         offsets,
     )
     return adjusted, bool(settled), int(passes)
-
-
-_NOWHERE = (
-    np.zeros((0, 2)),
-    np.zeros((0, 2)),
-    np.zeros((0, 2)),
-    np.zeros((0, 2)),
-    np.zeros(1, dtype=np.int64),
-    np.zeros(0, dtype=np.int64),
-    np.zeros(2),
-    1.0,
-    1,
-    1,
-)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -169,22 +155,6 @@ def _forces(p, n, force, target, pull, rest, gain):  # type: ignore[no-untyped-d
 
 
 @numba.njit(cache=True, nogil=True)
-def _push(p, velocity, force, i, depth, nx, ny):  # type: ignore[no-untyped-def]
-    """Put point i out of what it is in by `depth`; take the inward parts out of velocity and force."""
-    if not depth > _TOUCHING:
-        return
-    out = max(depth, 0.0)
-    p[i, 0] += out * nx
-    p[i, 1] += out * ny
-    inward = min(velocity[i, 0] * nx + velocity[i, 1] * ny, 0.0)
-    velocity[i, 0] -= inward * nx
-    velocity[i, 1] -= inward * ny
-    inward = min(force[i, 0] * nx + force[i, 1] * ny, 0.0)
-    force[i, 0] -= inward * nx
-    force[i, 1] -= inward * ny
-
-
-@numba.njit(cache=True, nogil=True)
 def _off_boundary(p, n, velocity, force, margins, arrays, cache, known, link):  # type: ignore[no-untyped-def]
     """`BoundaryBarrier`: a point is looked up again only when it has moved by what it had in reserve.
 
@@ -192,7 +162,7 @@ def _off_boundary(p, n, velocity, force, margins, arrays, cache, known, link):  
     of its neighbour minus what they are apart. A point that stays about where it is has few segments to compare with.
     """
     asked, clearance, gradient, place, found, counts = cache
-    starts, ends, normals_start, normals_end, offsets, members, origin, size, columns, rows = arrays
+    starts, ends, normals_start, normals_end = arrays[0], arrays[1], arrays[2], arrays[3]
     for i in range(1, n + 1):
         demanded = margins[min(i, len(margins)) - 1]
         if i <= known:
@@ -214,41 +184,16 @@ def _off_boundary(p, n, velocity, force, margins, arrays, cache, known, link):  
         mx, my = p[i, 0] - place[i, 0], p[i, 1] - place[i, 1]
         if i <= known and mx * mx + my * my > 0.25 * _SLACK * _SLACK:
             place[i] = p[i]
-            counts[i] = nearby_boundary(
-                p[i, 0],
-                p[i, 1],
-                _SLACK,
-                found[i],
-                starts,
-                ends,
-                offsets,
-                members,
-                origin,
-                size,
-                columns,
-                rows,
-            )
+            counts[i] = nearby_boundary(p[i, 0], p[i, 1], _SLACK, found[i], starts, ends, *arrays[4:])
         if counts[i] > 0:
             clearance[i], gradient[i, 0], gradient[i, 1] = nearest_of(
                 p[i, 0], p[i, 1], found[i], counts[i], starts, ends, normals_start, normals_end
             )
         else:
             clearance[i], gradient[i, 0], gradient[i, 1] = nearest_boundary(
-                p[i, 0],
-                p[i, 1],
-                math.inf,
-                starts,
-                ends,
-                normals_start,
-                normals_end,
-                offsets,
-                members,
-                origin,
-                size,
-                columns,
-                rows,
+                p[i, 0], p[i, 1], math.inf, *arrays
             )
-        _push(p, velocity, force, i, demanded - clearance[i], gradient[i, 0], gradient[i, 1])
+        push_out(p, velocity, force, i, demanded - clearance[i], gradient[i, 0], gradient[i, 1])
 
 
 @numba.njit(cache=True, nogil=True)
@@ -270,8 +215,8 @@ def _off_disks(p, n, velocity, force, centres, distances, offsets, cache, known)
             distance = math.sqrt(ox * ox + oy * oy)
             scale = max(distance, _TINY)
             least = min(least, distance - distances[k])
-            _push(p, velocity, force, i, distances[k] - distance, ox / scale, oy / scale)
-        gap[i] = least + 2.0 * _TOUCHING
+            push_out(p, velocity, force, i, distances[k] - distance, ox / scale, oy / scale)
+        gap[i] = least + 2.0 * TOUCHING
 
 
 @numba.njit(cache=True, nogil=True)

@@ -72,24 +72,9 @@ def outline_distance(vertices, offsets, shifts, circles, body, k, x, y):  # type
 @numba.njit(cache=True, nogil=True)
 def border_distance(world, x, y):  # type: ignore[no-untyped-def]
     """Signed distance [m] of (x, y) to the border of the workspace, and its gradient; negative outside."""
-    starts, ends, normals_start, normals_end, offsets, members, origin, size, columns, rows = world.border
-    if len(starts) == 0:
+    if len(world.border[0]) == 0:
         return _FAR, 1.0, 0.0
-    return nearest_boundary(
-        x,
-        y,
-        math.inf,
-        starts,
-        ends,
-        normals_start,
-        normals_end,
-        offsets,
-        members,
-        origin,
-        size,
-        columns,
-        rows,
-    )
+    return nearest_boundary(x, y, math.inf, *world.border)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
+from snnav_core.planning.contact import TOUCHING, push_out
 from snnav_core.planning.spacetime_bodies import (
     STEEPEST,
     border_distance,
@@ -21,7 +22,6 @@ from snnav_core.types import FloatArray
 __all__ = ["Gains", "World", "longest_and_shortest", "relax"]
 
 _TINY = 1e-12
-_TOUCHING = -1e-9  # [m]
 _WEDGE, _INSIDE = 5, 1e-7  # moves out of two bodies that are touched at once; how exact [m]
 _ACUTE = 0.1  # sine of the angle between two bodies below which there is no way out of their wedge
 _QUIET = 5  # passes in which everything is small before rest counts
@@ -112,7 +112,7 @@ def _keep_out(world, first, n, p, velocity, force, memory):  # type: ignore[no-u
                 rho, nx, ny = border_distance(world, x, y)
             else:
                 rho, nx, ny = outline_distance(vertices, offsets, shifts, circles, body, i, x, y)
-            _push(i, rho - demanded(kept, ends, body, x, y), nx, ny, p, velocity, force)
+            push_out(p, velocity, force, i, demanded(kept, ends, body, x, y) - rho, nx, ny)
         else:
             _look_around(world, i, p, velocity, force, memory)
 
@@ -137,8 +137,8 @@ def _look_around(world, i, p, velocity, force, memory):  # type: ignore[no-untyp
         elif len(world.border[0]) > 0:
             rho, nx, ny = border_distance(world, p[i, 0], p[i, 1])
             spare = rho - demanded(kept, ends, body, p[i, 0], p[i, 1])
-        if spare < -_TOUCHING:
-            _push(i, spare, nx, ny, p, velocity, force)
+        if spare < -TOUCHING:
+            push_out(p, velocity, force, i, -spare, nx, ny)
             _corner(i, contacts, ox, oy, velocity, force)
             contacts, one, other, ox, oy = contacts + 1, other, body, nx, ny
         if spare < least:
@@ -185,22 +185,6 @@ def _leave_wedge(i, one, ax, ay, other, bx, by, p):  # type: ignore[no-untyped-d
     p[i, 0] += dx
     p[i, 1] += dy
     return True
-
-
-@numba.njit(cache=True, nogil=True)
-def _push(i, spare, nx, ny, p, velocity, force):  # type: ignore[no-untyped-def]
-    """Put point i out of a body that it is nearer to than demanded, by what `spare` is below 0."""
-    if spare >= -_TOUCHING:
-        return
-    out = max(-spare, 0.0)
-    p[i, 0] += out * nx
-    p[i, 1] += out * ny
-    inward = min(velocity[i, 0] * nx + velocity[i, 1] * ny, 0.0)
-    velocity[i, 0] -= inward * nx
-    velocity[i, 1] -= inward * ny
-    inward = min(force[i, 0] * nx + force[i, 1] * ny, 0.0)
-    force[i, 0] -= inward * nx
-    force[i, 1] -= inward * ny
 
 
 @numba.njit(cache=True, nogil=True)

@@ -9,7 +9,7 @@ from enum import Enum
 import numpy as np
 import shapely
 
-from snnav_core.area.clearance import ClearanceField
+from snnav_core.area.clearance import NOWHERE, ClearanceField
 from snnav_core.planning.spacetime_bodies import distances_over_time
 from snnav_core.planning.spacetime_kernel import World
 from snnav_core.planning.spacetime_problem import SpacetimeProblem, SpacetimeSettings
@@ -25,18 +25,6 @@ RADIUS_RESERVE = 1.15
 
 _MOST_POINTS = 3000
 _SPARE = 50  # points beyond the longest candidate
-_NOWHERE = (
-    np.zeros((0, 2)),
-    np.zeros((0, 2)),
-    np.zeros((0, 2)),
-    np.zeros((0, 2)),
-    np.zeros(1, dtype=np.int64),
-    np.zeros(0, dtype=np.int64),
-    np.zeros(2),
-    1.0,
-    1,
-    1,
-)
 
 
 class TurningReserve(Enum):
@@ -240,5 +228,5 @@ def _border(problem: SpacetimeProblem) -> tuple[object, ...]:
     """The exterior rings of the workspace, prepared for distances."""
     shells = [ring for ring in problem.workspace or () if _is_shell(ring)]
     if not shells:
-        return _NOWHERE
+        return NOWHERE
     return ClearanceField(shells).arrays
