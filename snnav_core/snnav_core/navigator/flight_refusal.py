@@ -22,7 +22,8 @@ def explain(task: FlightTask) -> Stop:
         return Stop(
             name,
             StopReason.GOAL_UNREACHABLE,
-            f"no way to the target of robot {name} keeps {margin:.2f} m and what may move in the window",
+            f"no way to the target of robot {name} keeps {margin:.2f} m and what may move in the window, from cell to "
+            f"cell of {task.area.grid.spacing:g} m",
         )
     reason = task.faults[-1] if task.faults else "no candidate"
     return Stop(name, StopReason.NO_PATH, f"no path of robot {name} was accepted: {reason}")

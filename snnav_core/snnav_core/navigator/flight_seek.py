@@ -14,6 +14,7 @@ from snnav_core.types import FloatArray, PathSource, PlannedPath, TimedPath
 __all__ = ["can_be_reached", "seek"]
 
 _COMPANY = 2.5  # [m]
+_PATIENCE = 8  # searches in vain after which others near by are no reason any more not to go leg by leg
 _ROUNDS = 4  # kinds of questions, in turn
 
 
@@ -41,7 +42,7 @@ def seek(task: FlightTask, seed: tuple[int, int, int], failures: int) -> Planned
         found = task.adjusted(way, PathSource.ROADMAP, passes, task.reserves[turn // 2])
         if found is not None or failures == 0:
             return found
-    return _by_cells(task, spheres)
+    return _by_cells(task, spheres, failures >= _PATIENCE)
 
 
 def can_be_reached(task: FlightTask) -> bool:
@@ -80,7 +81,8 @@ def _through_roadmap(
     return resample(np.vstack((prefix, way)), distances.link)
 
 
-def _by_cells(task: FlightTask, spheres: Spheres) -> PlannedPath | None:
+def _by_cells(task: FlightTask, spheres: Spheres, insists: bool) -> PlannedPath | None:
+    """A way from cell to cell, adjusted; its first leg where that fails, for a robot that is alone or insists."""
     distance = task.distances.planned(task.reserves[-1])
     start, prefix = task.departure()
     way = _cells(task, distance, start, spheres).way()
@@ -89,7 +91,7 @@ def _by_cells(task: FlightTask, spheres: Spheres) -> PlannedPath | None:
         return None
     points = resample(np.vstack((prefix, way)), task.distances.link)
     found = task.adjusted(points, PathSource.SHORTEST_PATH, task.settings.adjustment.cold_passes)
-    if found is not None or task.state.speed > 0.0 or _in_company(task):
+    if found is not None or task.state.speed > 0.0 or (_in_company(task) and not insists):
         return found
     return _first_leg(task, way)
 
