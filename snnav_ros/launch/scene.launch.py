@@ -15,9 +15,9 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchContext, LaunchDescription
-from snnav_ros.casting import FUSION, TRACKER, every_sample, is_unplanned, share_robots
+from snnav_ros.casting import FUSION, TRACKER, device_of, every_sample, is_unplanned, share_robots
 from snnav_ros.nodes.operator import needs_operator
-from snnav_sim.scene import SpaceScene, find_scene, load_any_scene
+from snnav_sim.scene import find_scene, load_any_scene
 
 
 def scene_nodes(context: LaunchContext) -> list[Node]:
@@ -43,7 +43,7 @@ def scene_nodes(context: LaunchContext) -> list[Node]:
     shares = share_robots(scene, count_of(LaunchConfiguration("planners").perform(context)))
     several = {"planners": list(shares)} if len(shares) > 1 else {}
     planner = "global_planner_node" if scene.plans_globally else "planner_node"
-    device = "tof_node" if isinstance(scene, SpaceScene) else "lms200_node"
+    device = f"{device_of(scene)}_node"
     central = [
         *(node(device, sensor.id, sensor_id=sensor.id) for sensor in scene.sensors),
         node("fusion_node", FUSION),

@@ -16,7 +16,16 @@ from typing import Any
 from snnav_core.errors import SnnavError
 from snnav_ros.available import make_executor, require_ros
 from snnav_ros.bag.writer import BagWriter
-from snnav_ros.casting import CLOCK, FUSION, TRACKER, every_sample, every_tick, is_unplanned, share_robots
+from snnav_ros.casting import (
+    CLOCK,
+    FUSION,
+    TRACKER,
+    device_of,
+    every_sample,
+    every_tick,
+    is_unplanned,
+    share_robots,
+)
 from snnav_ros.domain import free_domain
 from snnav_ros.processes import ChildProcesses
 from snnav_ros.recorder import RunCollector, RunProgress, record_of
@@ -65,9 +74,11 @@ def plan_nodes(
     shares = share_robots(scene, planners)
     several = {"planners": list(shares)} if len(shares) > 1 else {}
     if not is_unplanned(scene):
-        device = ("tof", "TofNode") if isinstance(scene, SpaceScene) else ("lms200", "Lms200Node")
+        device = device_of(scene)
         plans += [
-            NodePlan(sensor.id, *device, {**common, "sensor_id": sensor.id, "seed": seed})
+            NodePlan(
+                sensor.id, device, f"{device.title()}Node", {**common, "sensor_id": sensor.id, "seed": seed}
+            )
             for sensor in scene.sensors
         ]
         plans.append(NodePlan(FUSION, "fusion", "FusionNode", common))

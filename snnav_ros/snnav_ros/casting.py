@@ -7,7 +7,16 @@ from collections.abc import Sequence
 from snnav_core.errors import InvalidInput
 from snnav_sim.scene import AnyScene, SpaceScene
 
-__all__ = ["CLOCK", "FUSION", "TRACKER", "every_sample", "every_tick", "is_unplanned", "share_robots"]
+__all__ = [
+    "CLOCK",
+    "FUSION",
+    "TRACKER",
+    "device_of",
+    "every_sample",
+    "every_tick",
+    "is_unplanned",
+    "share_robots",
+]
 
 CLOCK, FUSION, TRACKER = "clock_node", "fusion_node", "tracker_node"
 
@@ -37,6 +46,11 @@ def share_robots(scene: AnyScene, planners: int = 1) -> dict[str, list[str]]:
         raise InvalidInput(f"{planners} planners for {len(robots)} robots; give 1 to {max(1, len(robots))}")
     bounds = [round(index * len(robots) / planners) for index in range(planners + 1)]
     return {f"planner_{index + 1}": robots[bounds[index] : bounds[index + 1]] for index in range(planners)}
+
+
+def device_of(scene: AnyScene) -> str:
+    """Return the module of the nodes that are the sensors of a scene, without its ending."""
+    return "tof" if isinstance(scene, SpaceScene) else "lms200"
 
 
 def is_unplanned(scene: AnyScene) -> bool:
