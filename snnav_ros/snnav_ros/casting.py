@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from snnav_core.errors import InvalidInput
-from snnav_sim.scene import AnyScene, SpaceScene
+from snnav_sim.scene import AnyScene, RobotScene, SpaceScene
+from snnav_sim.space_types import FlyerScene
 
 __all__ = [
     "CLOCK",
@@ -32,8 +33,9 @@ def share_robots(scene: AnyScene, planners: int = 1) -> dict[str, list[str]]:
         If there are fewer robots than planners, or the scene is in space or asks for the global planner, of which there
         is one.
     """
-    there = scene.planned if isinstance(scene, SpaceScene) else scene.robots
-    robots = [robot.id for robot in sorted(there, key=lambda one: scene.instant(one.joins_at))]
+    robots = [
+        robot.id for robot in sorted(planned_robots(scene), key=lambda one: scene.instant(one.joins_at))
+    ]
     if isinstance(scene, SpaceScene) and planners > 1:
         raise InvalidInput(f"{planners} planners for scene {scene.name}: in space one serves all; give 1")
     if planners == 1:
@@ -46,6 +48,11 @@ def share_robots(scene: AnyScene, planners: int = 1) -> dict[str, list[str]]:
         raise InvalidInput(f"{planners} planners for {len(robots)} robots; give 1 to {max(1, len(robots))}")
     bounds = [round(index * len(robots) / planners) for index in range(planners + 1)]
     return {f"planner_{index + 1}": robots[bounds[index] : bounds[index + 1]] for index in range(planners)}
+
+
+def planned_robots(scene: AnyScene) -> tuple[RobotScene | FlyerScene, ...]:
+    """Return the robots that planners know of: nobody plans for one that follows a curve, or around it."""
+    return scene.planned if isinstance(scene, SpaceScene) else scene.robots
 
 
 def device_of(scene: AnyScene) -> str:

@@ -6,6 +6,7 @@ follows the published paths from where odometry says the robot was.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 
 from snnav_core.errors import InvalidInput
+from snnav_ros.bag.drives import read_drive
 from snnav_ros.bag.reader import BagReader
 from snnav_ros.bringup import run_scene
 from snnav_ros.convert import flyer_state_from_message, nanoseconds
@@ -26,7 +28,9 @@ from snnav_sim.report.flight_metrics import (
 from snnav_sim.report.flight_record import FlightRecord
 from snnav_sim.report.write import paths_digest
 from snnav_sim.scene import SpaceScene, find_scene, load_any_scene
+from snnav_sim.scene_types import Fault
 from snnav_sim.simulation_flight import FlightSimulation
+from snnav_sim.space_types import FlyerScene
 
 LEAN = ("hello_flight", "thesis_ch4_tracking")
 LONG = ("thesis_ch4_static", "thesis_ch4_dynamic", "thesis_ch4_four_robots")
@@ -97,6 +101,24 @@ def test_same_paths_in_several_processes_and_a_bag_that_says_all(tmp_path: Path)
     assert [stamp for stamp, _ in areas] == instants
     assert spatial_area_from_message(areas[-1][1]).grid.shape == scene.grid.shape
     np.testing.assert_array_equal([state.position for state in states], record.trajectory("bee")[:, 1:4])
+    motions = read_drive(tmp_path / "bag", "bee").motions()
+    assert len(motions.outside()) == 0
+    np.testing.assert_array_equal(motions.after[-1], record.trajectory("bee")[-1, 1:4])
+
+
+def test_cameras_with_rates_and_faults_and_a_robot_on_a_curve_lead_to_the_same_paths() -> None:
+    plain = scene_of("hello_flight")
+    first, second, *others = plain.sensors
+    first = replace(first, scan_period=0.15, scan_offset=0.03, faults=(Fault("delay", seconds=0.25),))
+    second = replace(second, faults=(Fault("drop_out", 1.0, 4.0),))
+    way = ((0.7, 0.7, 2.3), (0.7, 1.5, 2.3), (0.7, 2.2, 2.0))
+    wasp = FlyerScene("wasp", way[0], 0.0, 0.0, way[-1], 0.5, 2.0, 0.1, way)
+    scene = replace(plain, sensors=(first, second, *others), robots=(*plain.robots, wasp))
+    record = run_scene(scene)
+    assert isinstance(record, FlightRecord)
+    compare(record, FlightSimulation(scene).run())
+    assert record.digests() != alone("hello_flight").digests()
+    assert flight_clearances(scene, record)["bee"].min() >= scene.safety_margin
 
 
 def test_another_seed_is_another_roadmap() -> None:

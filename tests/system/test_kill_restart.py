@@ -144,7 +144,7 @@ def judge_kill(drive: Drive, outage: Outage) -> Stop:
     stop, motions = stop_of(drive, outage), drive.motions()
     before = np.flatnonzero(motions.log <= outage.begin.log)[-6:]
     assert 0.0 <= outage.begin.now - motions.end[before[-1]] < STILL, outage
-    assert np.hypot(*(motions.after - motions.before)[before].T).sum() > 0.1, outage
+    assert np.linalg.norm((motions.after - motions.before)[before], axis=1).sum() > 0.1, outage
     assert stop.moved <= stop.promised, stop
     assert stop.moved <= outage.lasted - 0.5 * STILL, (stop, outage)
     judge_recovery(drive, outage)

@@ -1,4 +1,4 @@
-"""Read from a recording where a robot drove and until when it was allowed to.
+"""Read from a recording where a robot drove or flew, and until when it was allowed to.
 
 There are two times. *Log time* is that of recording. It only ever goes on, so it tells what came first: which
 certificates had been heard when the robot moved, when something was killed, how long a robot stood. *ROS time* is that
@@ -60,7 +60,7 @@ class Motions:
         Log time of the later pose [s].
     begin, end : ndarray, shape (M,)
         ROS times of both poses [s].
-    before, after : ndarray, shape (M, 2)
+    before, after : ndarray, shape (M, 3)
         Their positions [m, map].
     allowed_until : ndarray, shape (M,)
         Latest end of all windows that were certified and heard by then [s]; -inf without any.
@@ -86,8 +86,8 @@ class Drive:
     Parameters
     ----------
     robot_id : str
-    poses : ndarray, shape (N, 5)
-        Log time, stamp [s], x and y [m, map] and heading [rad] of its odometry.
+    poses : ndarray, shape (N, 6)
+        Log time, stamp [s], x, y and z [m, map] and heading [rad] of its odometry.
     windows : ndarray, shape (W, 3)
         Log time, stamp and end [s] of every accepted certificate.
     clock : ndarray, shape (C, 2)
@@ -131,18 +131,17 @@ class Drive:
         earlier, later = earlier[moved], later[moved]
         allowed = [self.allowed_until(log, now) for log, now in later[:, :2]]
         return Motions(
-            later[:, 0], earlier[:, 1], later[:, 1], earlier[:, 2:4], later[:, 2:4], np.array(allowed)
+            later[:, 0], earlier[:, 1], later[:, 1], earlier[:, 2:5], later[:, 2:5], np.array(allowed)
         )
 
     def restarts(self) -> FloatArray:
         """Return how far the base was away from its last pose whenever time began anew [m]."""
         back = np.diff(self.poses[:, 1]) < 0.0
-        return np.hypot(*np.diff(self.poses[:, 2:4], axis=0)[back].T)
+        return self._steps()[back]
 
     def distance(self, begin: float, end: float) -> float:
         """Return how far the base drove between two log times [m]."""
-        steps = np.hypot(*np.diff(self.poses[:, 2:4], axis=0).T)
-        return float(np.diff(self._sums(steps, np.array([begin, end])))[0])
+        return float(np.diff(self._sums(self._steps(), np.array([begin, end])))[0])
 
     def over_time(self, log: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return mean speeds and turn rates from each log time to the next, and what was left of the window then.
@@ -158,9 +157,9 @@ class Drive:
         ndarray, shape (K,)
             [s], at least 0: for how long a window is over is of no interest.
         """
-        steps = np.hypot(*np.diff(self.poses[:, 2:4], axis=0).T)
-        turns = np.abs(np.diff(np.unwrap(self.poses[:, 4])))
-        speeds, turn_rates = (np.diff(self._sums(parts, log)) / np.diff(log) for parts in (steps, turns))
+        turns = np.abs(np.diff(np.unwrap(self.poses[:, 5])))
+        parts = self._steps(), turns
+        speeds, turn_rates = (np.diff(self._sums(part, log)) / np.diff(log) for part in parts)
         now = self.now(log)
         ends = np.array([self.allowed_until(*pair) for pair in zip(log, now, strict=True)])
         return speeds, turn_rates, np.maximum(0.0, ends - now)
@@ -175,6 +174,10 @@ class Drive:
         times = self.clock[:, 0]
         gaps = np.flatnonzero(np.diff(times) > longest)
         return [(float(times[gap]), float(times[gap + 1])) for gap in gaps]
+
+    def _steps(self) -> FloatArray:
+        """Return the ways from pose to pose [m], shape (N - 1,)."""
+        return np.asarray(np.linalg.norm(np.diff(self.poses[:, 2:5], axis=0), axis=1))
 
     def _epoch(self, log: Any) -> Any:
         return np.searchsorted(self.jumps, log, side="right")
@@ -220,7 +223,7 @@ class _Collector:
         elif topic.endswith("/odom"):
             pose = state_from_message(message, self._robot_id, topic).pose
             stamp = seconds(nanoseconds_from_stamp(message.header.stamp))
-            self._poses.append((log, stamp, pose.x, pose.y, pose.heading))
+            self._poses.append((log, stamp, pose.x, pose.y, message.pose.pose.position.z, pose.heading))
         else:
             verdict = verdict_from_message(message, topic)
             if verdict.certificate is not None and verdict.certificate.accepted:
@@ -235,7 +238,7 @@ class _Collector:
     def drive(self) -> Drive:
         return Drive(
             self._robot_id,
-            np.reshape(np.array(self._poses), (-1, 5)),
+            np.reshape(np.array(self._poses), (-1, 6)),
             np.reshape(np.array(self._windows), (-1, 3)),
             np.reshape(np.array(self._clock), (-1, 2)),
             np.array(self._jumps),

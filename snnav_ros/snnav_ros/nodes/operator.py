@@ -9,6 +9,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
+from snnav_ros.casting import planned_robots
 from snnav_ros.convert import MAP_FRAME, nanoseconds, nanoseconds_from_stamp
 from snnav_ros.convert.frames import header
 from snnav_ros.nodes.base import LOCKSTEP_TEXT, NodeOptions
@@ -36,8 +37,9 @@ class GoalScript:
     """Which goals a planner must have heard in lockstep, so that it does not depend on chance when they count."""
 
     def __init__(self, scene: AnyScene | None) -> None:
-        robots = () if scene is None else scene.robots
-        times = {} if scene is None else {r.id: [when for when, _ in _goal_times(scene, r)] for r in robots}
+        times: dict[str, list[int]] = {}
+        if scene is not None:
+            times = {r.id: [when for when, _ in _goal_times(scene, r)] for r in planned_robots(scene)}
         self._times = {name: due for name, due in times.items() if due[-1] > 0}
 
     @property
@@ -73,10 +75,10 @@ class Operator:
         self._said = said
         self._orders = sorted(
             (when, index, target)
-            for index, robot in enumerate(scene.robots)
+            for index, robot in enumerate(planned_robots(scene))
             for when, target in _goal_times(scene, robot)
         )
-        self._topics = [f"{robot.id}/goal_pose" for robot in scene.robots]
+        self._topics = [f"{robot.id}/goal_pose" for robot in planned_robots(scene)]
         quality = for_mode(lockstep, COMMAND)
         self._mouths = [node.create_publisher(PoseStamped, topic, quality) for topic in self._topics]
         self.reset()

@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from snnav_core.errors import InvalidInput
 from snnav_core.types import RobotSpec
+from snnav_ros.casting import planned_robots
 from snnav_ros.convert import Announcement, announcement_from_message, announcement_to_message, nanoseconds
 from snnav_ros.nodes.base import ManagedNode
 from snnav_ros.qos import INBOX, LATCHED, for_mode
@@ -51,6 +52,9 @@ class Roster:
     ) -> None:
         self._node, self._scene, self._accepts = node, scene, accepts
         self._known = {spec.id: spec for spec in known}
+        planned = () if scene is None else planned_robots(scene)
+        everybody = () if scene is None else scene.robots
+        self._strangers = {robot.id for robot in everybody if robot not in planned}
         self._join, self._leave = join, leave
         self._waiting: list[Announcement] = []
         self._stamps: dict[str, int] = {}  # of the last word about each robot [ns]
@@ -96,7 +100,7 @@ class Roster:
         if self._scene is None:
             return []
         missing = []
-        for robot in self._scene.robots:
+        for robot in planned_robots(self._scene):
             joins, leaves = (self._scene.instant(when) for when in (robot.joins_at, robot.leaves_at))
             gone = math.isfinite(leaves) and nanoseconds(leaves) <= tick
             came = nanoseconds(joins) <= tick
@@ -131,6 +135,8 @@ class Roster:
             announcement = announcement_from_message(message, ROBOTS_TOPIC)
         except InvalidInput as error:
             self._node.get_logger().warning(f"announcement not used: {error}")
+            return
+        if announcement.id in self._strangers:
             return
         self._heard.add((announcement.id, announcement.spec is not None))
         if self._node.lockstep:

@@ -46,8 +46,17 @@ class Recorder:
         kind = jazzy_types().types["rosgraph_msgs/msg/Clock"]
         self.write("/clock", kind(clock=time_message(nanoseconds(now))), after)
 
-    def pose(self, now: float, x: float, y: float = 0.0, heading: float = 0.0, after: float = 0.01) -> None:
+    def pose(
+        self,
+        now: float,
+        x: float,
+        y: float = 0.0,
+        heading: float = 0.0,
+        after: float = 0.01,
+        z: float = 0.0,
+    ) -> None:
         message = odometry_to_message(ROBOT, Pose2D(x, y, heading), 0.0, 0.0, nanoseconds(now))
+        message.pose.pose.position.z = z
         self.write(f"{ROBOT}/odom", message, after)
 
     def window(self, stamp: float, end: float, accepted: bool = True) -> None:
@@ -93,6 +102,20 @@ def test_a_motion_outlasts_its_window_by_just_what_it_does(tmp_path: Path) -> No
     np.testing.assert_allclose(motions.end - motions.begin, 0.1)
     np.testing.assert_allclose(motions.after[:, 0], motions.end)
     np.testing.assert_allclose(motions.outside(), [0.1, 0.2])
+
+
+def test_a_robot_that_climbs_moves(tmp_path: Path) -> None:
+    def tell(recorder: Recorder) -> None:
+        recorder.clock(0.0)
+        recorder.window(0.0, 0.25)
+        for k in range(5):
+            recorder.pose(0.1 * k, 1.0, z=0.07 * k, after=0.1)
+
+    drive = read_drive(recorded(tmp_path, tell), ROBOT)
+    motions = drive.motions()
+    np.testing.assert_allclose(motions.after[:, 2], 0.07 * np.arange(1, 5))
+    np.testing.assert_allclose(motions.outside(), [0.05, 0.15])
+    assert drive.distance(0.0, float(drive.poses[-1, 0])) == pytest.approx(0.28)
 
 
 def test_a_window_that_was_heard_too_late_does_not_excuse_what_was_before(tmp_path: Path) -> None:
