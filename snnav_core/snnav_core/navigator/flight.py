@@ -160,7 +160,12 @@ class FlightNavigator:
         return others
 
 
-_WAITING = (StopReason.NO_PATH, StopReason.BLOCKED_BY_ROBOT, StopReason.GOAL_UNREACHABLE)
+_WAITING = (
+    StopReason.NO_PATH,
+    StopReason.BLOCKED_BY_ROBOT,
+    StopReason.GOAL_UNREACHABLE,
+    StopReason.GOAL_BLOCKED,
+)
 
 
 def _missing(

@@ -36,7 +36,8 @@ class Retreats:
     Notes
     -----
     Not in the thesis. Two robots that hover before the same hole wait for each other for ever, and hide from the
-    cameras what is behind them. Only one of those that are blocked goes at a time, never the first in order.
+    cameras what is behind them. Only one of those that are blocked goes at a time, never the first in order unless it
+    hovers where another one wants to.
     """
 
     def __init__(self, steps: int, seed: int) -> None:
@@ -86,10 +87,11 @@ class Retreats:
                 self.forget(name)
         self._targets = {name: goal.copy() for name, goal in goals.items()}
         stuck = [name for name in order if blocked[name] >= self._steps and name in states and name in goals]
-        stuck = [name for name in stuck if _nearest(name, stuck, states) < _NEAR_OTHERS]
+        together = [name for name in stuck if _nearest(name, stuck, states) < _NEAR_OTHERS]
+        asked = _at_targets(stuck, states, goals, distances) or together[1:]
         free = [
             name
-            for name in stuck[1:]
+            for name in asked
             if time > self._until.get(name, -np.inf) and self._times.get(name, 0) < _MOST_TIMES
         ]
         if free:
@@ -152,3 +154,19 @@ def _nearest(name: str, names: Sequence[str], states: Mapping[str, FlyerState]) 
     here = states[name].position
     gaps = [float(np.linalg.norm(states[other].position - here)) for other in names if other != name]
     return min(gaps, default=np.inf)
+
+
+def _at_targets(
+    stuck: Sequence[str],
+    states: Mapping[str, FlyerState],
+    goals: Mapping[str, FloatArray],
+    distances: Mapping[str, FlightDistances],
+) -> list[str]:
+    """Robots that hover where others of those that are blocked want to."""
+    found = []
+    for name in stuck:
+        apart = 2.0 * distances[name].settings.safety_margin
+        gaps = [np.linalg.norm(states[name].position - goals[other]) for other in stuck if other != name]
+        if min(gaps, default=np.inf) < apart:
+            found.append(name)
+    return found
