@@ -9,9 +9,10 @@ import numpy as np
 from snnav_core.area.spatial import SpatialArea
 from snnav_core.flight_types import FlyerState
 from snnav_core.navigator.flight_refusal import explain, without_search
-from snnav_core.navigator.flight_seek import can_be_reached, seek
+from snnav_core.navigator.flight_seek import can_be_reached, in_company, seek
 from snnav_core.navigator.flight_settings import FlightDistances, FlightSettings
 from snnav_core.navigator.flight_task import FlightTask
+from snnav_core.navigator.progress import Progress
 from snnav_core.planning.flight_separation import OtherFlyer
 from snnav_core.types import FloatArray, PathSource, PlannedPath, RobotSpec, Stop, StopReason, TimedPath
 
@@ -46,6 +47,7 @@ class FlightPlanner:
         self._goal: FloatArray | None = None
         self._failures = 0
         self._refusal: Stop | None = None
+        self._progress = Progress.at_start(3)
         self.waits = False  # for its turn to search, with no path that can be adjusted
 
     def promised(self, time: float) -> TimedPath | None:
@@ -72,6 +74,24 @@ class FlightPlanner:
             self.reset()
         self._goal, self._count, self.waits = goal.copy(), self._count + 1, False
         task = FlightTask(self.robot, self.distances, time, area, state, goal, others)
+        self._progress = self._progress.here(state.position)
+        decision, searched = self._rests(task) or self._weighed(task, may_search)
+        interval, speed = self.settings.sampling_interval, self.robot.speed
+        self._progress = self._progress.after(decision, interval, speed, in_company(task))
+        return decision, searched
+
+    def _rests(self, task: FlightTask) -> tuple[Stop, bool] | None:
+        """Hover for a while after getting nowhere for long."""
+        if self._progress.rest == 0:
+            return None
+        here = task.state.position
+        room = float(task.area.clearance_at(here[None], task.now)[0])
+        stop = self._progress.stop(self.robot, here, room, self.settings.safety_margin)
+        self._last = None
+        return None if stop is None else (stop, False)
+
+    def _weighed(self, task: FlightTask, may_search: bool) -> tuple[PlannedPath | Stop, bool]:
+        """The last path, or a better new one, or why there is none; and whether a new one was sought."""
         kept = self._kept(task)
         chosen, searched = kept, False
         interval = self.settings.search_interval

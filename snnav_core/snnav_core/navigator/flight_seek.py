@@ -11,7 +11,7 @@ from snnav_core.planning.grid_search import GridSearch
 from snnav_core.planning.roadmap import RoadmapSettings, build_roadmap, rough_path
 from snnav_core.types import FloatArray, PathSource, PlannedPath, TimedPath
 
-__all__ = ["can_be_reached", "seek"]
+__all__ = ["can_be_reached", "in_company", "seek"]
 
 _COMPANY = 2.5  # [m]
 _PATIENCE = 8  # searches in vain after which others near by are no reason any more not to go leg by leg
@@ -82,7 +82,11 @@ def _through_roadmap(
 
 
 def _by_cells(task: FlightTask, spheres: Spheres, insists: bool) -> PlannedPath | None:
-    """A way from cell to cell, adjusted; its first leg where that fails, for a robot that is alone or insists."""
+    """A way from cell to cell, adjusted; where that fails, for a robot that hovers alone or insists, straight on.
+
+    Straight on to the target, else to the first bend, to hover and turn there: for ways that no path of the speed
+    holds.
+    """
     distance = task.distances.planned(task.reserves[-1])
     start, prefix = task.departure()
     way = _cells(task, distance, start, spheres).way()
@@ -91,12 +95,12 @@ def _by_cells(task: FlightTask, spheres: Spheres, insists: bool) -> PlannedPath 
         return None
     points = resample(np.vstack((prefix, way)), task.distances.link)
     found = task.adjusted(points, PathSource.SHORTEST_PATH, task.settings.adjustment.cold_passes)
-    if found is not None or task.state.speed > 0.0 or (_in_company(task) and not insists):
+    if found is not None or task.state.speed > 0.0 or (in_company(task) and not insists):
         return found
-    return _first_leg(task, way)
+    return _straight(task, task.goal) or _straight(task, way[1])
 
 
-def _in_company(task: FlightTask) -> bool:
+def in_company(task: FlightTask) -> bool:
     """Whether others are near: who stops at every bend before a hole is in their way."""
     gaps = [
         float(np.linalg.norm(one.path.positions_at(np.array([task.time]))[0] - task.state.position))
@@ -105,15 +109,14 @@ def _in_company(task: FlightTask) -> bool:
     return min(gaps, default=np.inf) < _COMPANY
 
 
-def _first_leg(task: FlightTask, way: FloatArray) -> PlannedPath | None:
-    """Straight to the first bend of a way, to hover and turn there: for ways that no path of the speed holds."""
-    link = task.distances.link
-    leg = way[:2]
-    length = float(np.linalg.norm(leg[1] - leg[0]))
-    whole = leg[0] + np.arange(int(length / link + 1e-9) + 1)[:, None] * (link / max(length, 1e-9)) * (
-        leg[1] - leg[0]
-    )
-    points = whole if len(whole) > 1 else leg
+def _straight(task: FlightTask, end: FloatArray) -> PlannedPath | None:
+    """Straight to a point, in whole links; at least one, however short."""
+    link, begin = task.distances.link, task.state.position
+    length = float(np.linalg.norm(end - begin))
+    links = int(length / link + 1e-9)
+    points = np.vstack((begin, end))
+    if links > 0:
+        points = begin + np.arange(links + 1)[:, None] * (link / length) * (end - begin)
     path = TimedPath(task.time, task.distances.step, points)
     return task.certified(path, PathSource.STRAIGHT_LEG, task.distances.planned(task.reserves[-1]))
 

@@ -106,6 +106,9 @@ class FlightTask:
                 gap = self.goal - self.state.position
                 share = min(1.0, distances.link / float(np.linalg.norm(gap)))
                 chain = np.vstack((self.state.position, self.state.position + share * gap))
+            if not self._leads_on(chain):
+                self.faults.append("what can be flown ends beside the target, no nearer than the robot is")
+                continue
             path = TimedPath(self.time, distances.step, chain)
             certified = self.certified(path, source, planned)
             conflict = self._conflict(chain)
@@ -114,6 +117,15 @@ class FlightTask:
             if certified is not None:
                 return certified
         return None
+
+    def _leads_on(self, chain: FloatArray) -> bool:
+        """Whether a chain ends at the target, or nearer to it than it begins, by half a link at least.
+
+        Barriers push the end of a chain off a target that is nearer to the boundary than paths are planned; from there
+        the next chain may lead back.
+        """
+        begin, end = np.linalg.norm(chain[[0, -1]] - self.goal, axis=1)
+        return bool(end <= max(self.distances.arrival, begin - 0.5 * self.distances.link))
 
     def _conflict(self, chain: FloatArray) -> tuple[int, float] | None:
         """Where a chain comes too near to another robot soon, and what it has to keep there [m]."""

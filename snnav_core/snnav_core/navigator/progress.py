@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from snnav_core.navigator.attempt import Attempt
-from snnav_core.types import FloatArray, PlannedPath, Stop, StopReason
+from snnav_core.types import FloatArray, PlannedPath, RobotSpec, Stop, StopReason
 
 __all__ = ["Progress"]
 
@@ -23,7 +22,7 @@ class Progress:
 
     Parameters
     ----------
-    places : ndarray, shape (N, 2)
+    places : ndarray, shape (N, 2) or (N, 3)
         Where it has been, half a metre from each other [m, map].
     fruitless : int
         Decisions with a path since it got somewhere new. Waiting does not count: that has a reason of its own. Nor
@@ -43,45 +42,62 @@ class Progress:
     rest: int = 0
 
     @classmethod
-    def at_start(cls) -> Progress:
+    def at_start(cls, dimensions: int = 2) -> Progress:
         """Of a robot that has been nowhere yet."""
-        return cls(np.zeros((0, 2)))
+        return cls(np.zeros((0, dimensions)))
 
     def here(self, position: FloatArray) -> Progress:
-        """The same with where the robot is now (2,) [m, map]."""
+        """The same with where the robot is now [m, map]."""
         if len(self.places) and np.linalg.norm(self.places - position, axis=1).min() <= _APART:
             return self
         return Progress(np.vstack((self.places, position)), rest=self.rest)
 
-    def stop(self, attempt: Attempt) -> Stop | None:
-        """The stop of a robot that gets nowhere; None for one that may go on."""
+    def stop(self, robot: RobotSpec, position: FloatArray, room: float, safety_margin: float) -> Stop | None:
+        """The stop of a robot that gets nowhere; None for one that may go on.
+
+        Parameters
+        ----------
+        robot : RobotSpec
+        position : ndarray
+            Where it is [m, map].
+        room, safety_margin : float
+            Its distance from the boundary and what it has to keep [m].
+        """
         if self.rest == 0:
             return None
-        robot, position = attempt.robot, attempt.pose.position
-        room = attempt.context.clearance(position)
         why = f"; what stopped it last: {self.refusal}" if self.refusal else ""
+        place = ", ".join(f"{value:.2f}" for value in position.tolist())
         message = (
-            f"robot {robot.id} gets nowhere: it drove or turned for over {_PATIENCE:.0f} s and got at most "
-            f"{_APART:g} m from where it had been; it stands at ({position[0]:.2f}, {position[1]:.2f}), {room:.2f} m "
-            f"from the boundary{why}; widen that place or reduce the safety margin "
-            f"({attempt.settings.safety_margin:.2f} m), or send it elsewhere; it tries again within {_REST:.0f} s"
+            f"robot {robot.id} gets nowhere: it moved or turned for over {_PATIENCE:.0f} s and got at most "
+            f"{_APART:g} m from where it had been; it stands at ({place}), {room:.2f} m from the boundary{why}; widen "
+            f"that place or reduce the safety margin ({safety_margin:.2f} m), or send it elsewhere; it tries again "
+            f"within {_REST:.0f} s"
         )
         return Stop(robot.id, StopReason.NO_PROGRESS, message)
 
-    def after(self, attempt: Attempt, decision: PlannedPath | Stop) -> Progress:
-        """The same with what was decided now."""
-        interval = attempt.settings.sampling_interval
+    def after(
+        self, decision: PlannedPath | Stop, interval: float, speed: float, in_company: bool
+    ) -> Progress:
+        """The same with what was decided now.
+
+        Parameters
+        ----------
+        decision : PlannedPath or Stop
+        interval : float
+            From decision to decision [s].
+        speed : float
+            Of the robot [m/s].
+        in_company : bool
+            Whether another robot is near, who may be to blame.
+        """
         if self.rest > 0:
             return replace(self, rest=self.rest - 1)
         if isinstance(decision, Stop):
             return replace(self, refusal=decision.message)
-        if (
-            len(attempt.others)
-            and attempt.crowd.gaps.min() <= attempt.crowd.own_reach + attempt.distances.tightest
-        ):
+        if in_company:
             return self
         longest = max(self.longest, decision.path.length)
-        allowed = _PATIENCE + _WAYS * longest / attempt.robot.speed
+        allowed = _PATIENCE + _WAYS * longest / speed
         if (self.fruitless + 1) * interval <= allowed:
             return replace(self, fruitless=self.fruitless + 1, longest=longest)
         return Progress(self.places, refusal=self.refusal, rest=max(1, round(_REST / interval)))

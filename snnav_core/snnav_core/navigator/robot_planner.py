@@ -113,9 +113,21 @@ def plan_robot(
     -------
     decision, memory
     """
-    progress = memory.progress.here(attempt.pose.position)
-    decision, memory = _weighed(attempt, memory, area_changed, progress.stop(attempt))
-    return decision, replace(memory, progress=progress.after(attempt, decision))
+    robot, settings, position = attempt.robot, attempt.settings, attempt.pose.position
+    progress = memory.progress.here(position)
+    rest = None
+    if progress.rest > 0:
+        room = attempt.context.clearance(position)
+        rest = progress.stop(robot, position, room, settings.safety_margin)
+    decision, memory = _weighed(attempt, memory, area_changed, rest)
+    progress = progress.after(decision, settings.sampling_interval, robot.speed, _in_company(attempt))
+    return decision, replace(memory, progress=progress)
+
+
+def _in_company(attempt: Attempt) -> bool:
+    """Whether another robot is so near that it may be in the way."""
+    reach = attempt.crowd.own_reach + attempt.distances.tightest
+    return len(attempt.others) > 0 and bool(attempt.crowd.gaps.min() <= reach)
 
 
 def _weighed(

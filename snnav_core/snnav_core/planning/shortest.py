@@ -197,7 +197,7 @@ class GoalTree:
             chunk = order[begin : begin + _CHUNK]
             # Seen from the node: a start outside of the area is crossed last.
             share, _ = self.curves.first_hits(self.nodes[chunk], points[chunk])
-            left = np.where(np.isfinite(share), (1.0 - share) * straight[chunk], 0.0)
+            left = (1.0 - np.where(np.isfinite(share), share, 1.0)) * straight[chunk]
             for i in chunk[left <= climb]:
                 yield float(total[i]), float(angle[i]), np.vstack((points[i], self.chain(int(i))))
 
