@@ -154,11 +154,11 @@ def fit_drift(samples: Sequence[BodySample], range_noise: float, guess: FloatArr
         np.concatenate([sample.times for sample in thin]),
         np.concatenate(([0], np.cumsum([len(sample.points) for sample in thin]))),
     )
-    outlined = _fit_outline(samples, hits, range_noise)
-    if outlined is not None:
-        return outlined
     known, pull = _middle_information(samples)
     middle: FloatArray = np.asarray(np.linalg.solve(known, pull))
+    outlined = _fit_outline(samples, hits, range_noise, known, middle if guess is None else guess)
+    if outlined is not None:
+        return outlined
     best = _follow(hits, known, pull, middle if guess is None else guess, range_noise)
     if guess is not None and best.agreement < _RIGID:
         best = max(best, _follow(hits, known, pull, middle, range_noise), key=lambda found: found.agreement)
@@ -172,7 +172,9 @@ def fit_drift(samples: Sequence[BodySample], range_noise: float, guess: FloatArr
     return Drift(velocity, covariance, best.agreement)
 
 
-def _fit_outline(samples: Sequence[BodySample], hits: _Hits, range_noise: float) -> Drift | None:
+def _fit_outline(
+    samples: Sequence[BodySample], hits: _Hits, range_noise: float, known: FloatArray, start: FloatArray
+) -> Drift | None:
     """Velocity of a body that keeps its shape: its surfaces, and where its silhouettes end; None for another one."""
     points = np.concatenate([sample.points for sample in samples])
     times = np.concatenate([sample.times for sample in samples])
@@ -182,7 +184,8 @@ def _fit_outline(samples: Sequence[BodySample], hits: _Hits, range_noise: float)
     passed = functools.reduce(PassingBeams.joined, passing)
     limits = velocity_limits(passed, points, times, beams, range_noise)
     weak = np.eye(2) / _ANY_SPEED**2
-    information, pull = np.zeros((2, 2)), np.zeros(2)
+    match = _follow(hits, known, known @ start, start, range_noise, leaning_share=_LEANING)
+    information, pull = match.information, match.pull
     with_normal = float(hits.normals.any(axis=1).mean())
     for _ in range(_ROUNDS):
         covariance: FloatArray = np.asarray(np.linalg.inv(information + weak))
@@ -190,7 +193,7 @@ def _fit_outline(samples: Sequence[BodySample], hits: _Hits, range_noise: float)
         if found is None:
             return None
         velocity, spread = found
-        known: FloatArray = np.asarray(np.linalg.inv(spread))
+        known = np.asarray(np.linalg.inv(spread))
         match = _follow(hits, known, known @ velocity, velocity, range_noise, _NEAR_GATES, _LEANING)
         information, pull = match.information, match.pull
     few = len(points) < _FEW_HITS * len(samples)

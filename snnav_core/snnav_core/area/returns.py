@@ -17,6 +17,7 @@ __all__ = ["FusedReturns", "fused_returns"]
 
 _JUMP_RATIO, _JUMP_DISTANCE = 5.0, 0.03  # as `ScanSettings`
 _SIDE_BEAMS = 2  # neighbours on either side that a normal is fitted to
+_FAR_APART = 0.05  # [m] between beams, from which a bent surface is not flat over all these neighbours
 _UNEVEN = 0.012  # [m] off a line fitted to a hit and its neighbours: a corner
 _LARGEST_SKIP = 2  # beams; one that was lost does not end a surface
 
@@ -120,9 +121,18 @@ class FusedReturns:
 
     @cached_property
     def _surface_lines(self) -> tuple[FloatArray, FloatArray]:
+        """Normals and baselines; by the nearest neighbours alone where beams are far apart on a bent surface."""
+        normals, baselines = self._lines_through(_SIDE_BEAMS)
+        bent = (baselines == 0.0) & (self.spacing > _FAR_APART)
+        if bent.any():
+            near_normals, near_baselines = self._lines_through(1)
+            normals[bent], baselines[bent] = near_normals[bent], near_baselines[bent]
+        return normals, baselines
+
+    def _lines_through(self, side_beams: int) -> tuple[FloatArray, FloatArray]:
         towards = self.origins[self.sensors] - self.points
         count, first, second = np.zeros(len(self)), np.zeros((len(self), 2)), np.zeros((len(self), 3))
-        for offset in range(-_SIDE_BEAMS, _SIDE_BEAMS + 1):
+        for offset in range(-side_beams, side_beams + 1):
             own = slice(max(0, -offset), len(self) - max(0, offset))
             other = slice(max(0, offset), len(self) + min(0, offset))
             same = (self.surfaces[own] == self.surfaces[other]).astype(np.float64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 import numpy as np
@@ -73,18 +74,28 @@ class Sightings:
         return count
 
     def steady(
-        self, sensors: NDArray[np.int64], beams: NDArray[np.int64], ranges: FloatArray
+        self,
+        sensors: NDArray[np.int64],
+        beams: NDArray[np.int64],
+        ranges: FloatArray,
+        since: float = math.inf,
     ) -> NDArray[np.bool_]:
-        """Whether what single beams met stands: seen there at two times within the window, never farther; (n,)."""
+        """Whether what single beams met stands, shape (n,): seen there at two times within the window, never farther.
+
+        The first of these times is not after `since` [s].
+        """
         times, farther = np.zeros(len(sensors), dtype=np.int64), np.zeros(len(sensors), dtype=np.bool_)
+        first = np.full(len(sensors), np.inf)
         for sensor in np.unique(sensors).tolist():
             own = np.flatnonzero(sensors == sensor)
-            for _, reach in self._single:
+            for time, reach in self._single:
                 if sensor in reach:
                     beyond = _at(reach[sensor], beams[own]) - ranges[own]
                     farther[own] |= beyond > self._depth
-                    times[own] += np.abs(beyond) <= self._depth
-        return (times >= 2) & ~farther
+                    there = np.abs(beyond) <= self._depth
+                    times[own] += there
+                    first[own] = np.minimum(first[own], np.where(there, time, np.inf))
+        return (times >= 2) & (first <= since) & ~farther
 
     def _is_before(self, sensor: int, beams: NDArray[np.int64], ranges: FloatArray) -> NDArray[np.bool_]:
         farthest = np.zeros(len(beams))

@@ -28,6 +28,8 @@ class Track:
     seen : float
         Time of the last update that saw it [s].
     moving : bool
+    found_moving : int
+        How many times in a row it was found to move.
     drift : Drift or None
         What the fit says of its velocity; None where none is known.
     standing_deviation : float
@@ -38,6 +40,7 @@ class Track:
     samples: deque[BodySample] = field(default_factory=deque)
     seen: float = -math.inf
     moving: bool = False
+    found_moving: int = 0
     drift: Drift | None = None
     standing_deviation: float = math.inf
 

@@ -15,10 +15,10 @@ from snnav_core.area.clusters import cluster_returns
 from snnav_core.area.drift import BodySample, fit_drift
 from snnav_core.area.explained import build_scene
 from snnav_core.area.overlay import intersection
+from snnav_core.area.parting import Measurements
 from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.area.returns import FusedReturns
 from snnav_core.area.sightings import Sightings
-from snnav_core.area.silhouette import passing_beams
 from snnav_core.area.track import Track
 from snnav_core.area.tracker_settings import TrackedScene, TrackerSettings
 from snnav_core.errors import InvalidInput
@@ -32,6 +32,8 @@ _SAME_WAY = 2.0  # velocities that differ by less, in deviations, are the same
 _STAYS_MOVING = 0.5  # share of the confidence at which a body that moved counts as moving still
 _OVERSHOOT = 1.25  # times the top speed: an estimate may be above it
 _SAME_TIME = 1e-6  # [s]
+_SURELY_MOVING = 2  # times in a row that a body was found to move, before it goes on unseen
+_STANDS_FOR = 0.5  # [s] for which beams have met the same where something stands beside a body
 
 
 class ObstacleTracker:
@@ -55,6 +57,7 @@ class ObstacleTracker:
         """Forget everything, as after a jump of time."""
         self.tracks: list[Track] = []
         self._sightings = Sightings(self.settings.window, self.settings.free_depth)
+        self._measurements = Measurements(self.settings.window)
         self._known: dict[int, float] = {}
         self._count = 0
         self._time = -math.inf
@@ -89,18 +92,31 @@ class ObstacleTracker:
         evidence = self._sightings.take(time, returns)
         apart = np.array([track.moving and not track.walks for track in self.tracks], dtype=np.bool_)
         fresh = self._fresh(returns)
-        clusters = cluster_returns(
-            returns, self.settings.link_distance, labels, evidence, self.settings.leg_distance, apart
+        steady = self._sightings.steady(
+            returns.sensors, returns.beams, returns.ranges, time - _STANDS_FOR + _SAME_TIME
+        )
+        moving = np.array([track.moving for track in self.tracks] + [False], dtype=np.bool_)
+        steady &= ~moving[labels]  # it may have slowed down, or stand on that leg
+        clusters, stands = cluster_returns(
+            returns, self.settings.link_distance, labels, evidence, self.settings.leg_distance, apart, steady
         )
         single = np.bincount(clusters)[clusters] < self.settings.least_points if len(clusters) else fresh
-        owners = self._match(clusters, labels, gaps, evidence)
+        self._measurements.take(time, returns, single)
+        owners = self._match(clusters, labels, gaps, evidence, stands)
         for track in dict.fromkeys(owners.values()):
             own = np.isin(clusters, [cluster for cluster, owner in owners.items() if owner is track])
             track.seen = time
             if (own & fresh).any():
-                self._extend(track, returns, own & fresh, single)
+                track.take(self._measurements.sample(own & fresh), self.settings.window)
+                beside = own if stands[own].all() else stands & ~own
+                if not track.moving:
+                    self._measurements.part(track, returns.points[beside], keep=beside is own)
                 self._judge(track, int((own & evidence).sum()) + self._left(track))
         self._join(area)
+        for (
+            track
+        ) in self.tracks:  # beams that graze a wall meet it now and then: nothing is expected from one sight
+            track.moving &= track.seen == time or track.found_moving >= _SURELY_MOVING
         self.tracks = [track for track in self.tracks if time - track.seen <= self.settings.patience]
         owned = np.isin(clusters, [cluster for cluster, track in owners.items() if track.moving])
         return build_scene(time, area, returns, owned, self.tracks, self.settings)
@@ -136,10 +152,12 @@ class ObstacleTracker:
         labels: NDArray[np.int64],
         shares: FloatArray,
         evidence: NDArray[np.bool_],
+        stands: NDArray[np.bool_],
     ) -> dict[int, Track]:
         """Give every cluster its track; clusters without one start a track if they are large enough."""
         sizes = np.bincount(clusters) if len(clusters) else np.zeros(0, dtype=np.int64)
         arrived = np.bincount(clusters, weights=evidence) if len(clusters) else np.zeros(0)
+        still = np.bincount(clusters, weights=~stands) == 0.0 if len(clusters) else arrived
         votes = np.zeros((len(sizes), len(self.tracks)))
         known = labels >= 0
         np.add.at(votes, (clusters[known], labels[known]), 1.0 - shares[known])
@@ -161,6 +179,14 @@ class ObstacleTracker:
                 continue
             self._count += 1
             owners[cluster] = Track(f"body_{self._count}")
+            owner = next((key for key, track in owners.items() if track is best), -1)
+            if (
+                best is not None
+                and owner >= 0
+                and votes[cluster].max() > 0.0
+                and still[cluster] != still[owner]
+            ):
+                owners[cluster].samples = best.samples.copy()  # they were taken for one
             self.tracks.append(owners[cluster])
         return owners
 
@@ -189,24 +215,6 @@ class ObstacleTracker:
         first = track.samples[0]
         return self._sightings.left(first.sensors, first.beams, first.ranges) if len(track.samples) > 1 else 0
 
-    def _extend(
-        self, track: Track, returns: FusedReturns, own: NDArray[np.bool_], single: NDArray[np.bool_]
-    ) -> None:
-        sample = BodySample(
-            self._time,
-            returns.points[own],
-            returns.normals[own],
-            returns.times[own],
-            returns.spacing[own],
-            returns.sensors[own],
-            returns.beams[own],
-            returns.ranges[own],
-            returns.origins[returns.sensors[own]],
-            returns.baselines[own],
-            passing_beams(returns, own, single),
-        )
-        track.take(sample, self.settings.window)
-
     def _judge(self, track: Track, evidence: int) -> None:
         """Decide whether a body moves, and how fast."""
         settings = self.settings
@@ -224,6 +232,7 @@ class ObstacleTracker:
                 and settings.least_speed < speed <= _OVERSHOOT * settings.top_speed
             )
             track.standing_deviation = max(settings.least_speed, drift.deviation)
+        track.found_moving = track.found_moving + 1 if track.moving else 0
 
     def _samples(self, track: Track) -> list[BodySample]:
         """What a velocity is fitted to; only beams that met what stands tell that they passed the body."""

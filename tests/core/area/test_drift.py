@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 
 from snnav_core.area.clusters import cluster_returns
 from snnav_core.area.drift import BodySample, fit_drift
+from snnav_core.area.parting import Measurements
 from snnav_core.area.returns import FusedReturns, fused_returns
 from snnav_core.area.sightings import Sightings
 from snnav_core.area.silhouette import narrow_velocity, passing_beams, velocity_limits
+from snnav_core.area.track import Track
 from snnav_core.area.tracker_settings import TrackerSettings
 from snnav_core.errors import InvalidInput
 from snnav_core.types import FloatArray
@@ -147,18 +149,52 @@ def test_hits_apart_are_bodies_of_their_own() -> None:
     points = np.array([[2.0, 0.0], [2.0, 0.1], [2.0, 1.0], [2.0, 1.1], [2.0, 1.6]])
     returns = returns_of(points, 0.0, np.array([0, 5, 50, 55, 80]))
     nothing, unknown = np.zeros(5, dtype=np.bool_), np.full(5, -1)
-    numbers = cluster_returns(returns, 0.3, unknown, nothing, 0.6, np.zeros(0, dtype=np.bool_))
+    one = np.zeros(0, dtype=np.bool_)
+    numbers, _ = cluster_returns(returns, 0.3, unknown, nothing, 0.6, one, nothing)
     assert [numbers[0] == numbers[1], numbers[1] == numbers[2], numbers[2] == numbers[3]] == [
         True,
         False,
         True,
     ]
     assert numbers[3] != numbers[4]
-    walking = cluster_returns(returns, 0.3, unknown, ~nothing, 0.6, np.zeros(0, dtype=np.bool_))
+    walking, _ = cluster_returns(returns, 0.3, unknown, ~nothing, 0.6, one, nothing)
     assert walking[3] == walking[4]  # a step apart
     known = np.array([0, 1, -1, -1, -1])
-    apart = cluster_returns(returns, 0.3, known, nothing, 0.6, np.ones(2, dtype=np.bool_))
+    apart, _ = cluster_returns(returns, 0.3, known, nothing, 0.6, np.ones(2, dtype=np.bool_), nothing)
     assert apart[0] != apart[1]  # known to be two
+
+
+def test_what_stands_is_not_linked_to_what_has_arrived() -> None:
+    wall = np.column_stack((np.full(9, 3.0), np.linspace(0.0, 0.8, 9)))
+    points = np.concatenate((wall, [[2.75, 0.3], [2.75, 0.4]], [[3.02, 1.05]]))
+    returns = returns_of(points, 0.0, np.concatenate((np.arange(9), [20, 21, 30])))
+    steady, nobody = np.arange(12) < 9, np.zeros(0, dtype=np.bool_)
+    unknown = np.full(12, -1)
+    numbers, stands = cluster_returns(returns, 0.3, unknown, ~steady, 0.6, nobody, steady)
+    assert stands.tolist() == steady.tolist()
+    assert numbers[9] == numbers[10] != numbers[0]
+    assert numbers[11] == numbers[0]  # in line with the wall: it goes on there
+    together, stands = cluster_returns(returns, 0.3, unknown, ~steady, 0.6, nobody, ~steady)
+    assert not stands.any()
+    assert together[9] == together[0]
+
+
+def test_earlier_hits_are_divided_when_something_turns_out_to_stand() -> None:
+    measurements, track = Measurements(1.5), Track("one")
+    post = np.column_stack((np.full(4, 3.0), 0.1 * np.arange(4)))
+    nothing = np.zeros(8, dtype=np.bool_)
+    for time in (0.0, 0.3, 0.6):
+        cart = np.column_stack((np.full(4, 3.0), 0.6 + time + 0.1 * np.arange(4)))
+        measurements.take(time, returns_of(np.concatenate((post, cart)), time), nothing)
+        own = np.arange(8) >= (4 if time > 0.5 else 0)  # one body at first
+        track.take(measurements.sample(own), 1.5)
+    other = Track("other", track.samples.copy())
+    measurements.part(track, post, keep=False)
+    assert [len(sample.points) for sample in track.samples] == [4, 4, 4]
+    assert all((sample.points[:, 1] > 0.5).all() for sample in track.samples)
+    measurements.part(other, post, keep=True)
+    assert [len(sample.points) for sample in other.samples] == [4, 4, 4]
+    assert (other.samples[0].points[:, 1] < 0.5).all()
 
 
 def test_a_hit_has_arrived_where_beams_looked_farther() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,12 @@ import shapely
 from snnav_core.area.tracks import TrackedScene
 from snnav_core.errors import InvalidInput
 from snnav_core.obstacles import MovingObstacle
+from snnav_sim.scene import Circle
+from support.velocity_bound import Sight, velocity_bound
 
 INTERVAL = 0.3
 SAMPLES = 5
+TOLERANCE = 0.05  # share of the speed
 LEAST_HITS = 3  # a body that fewer beams meet at some time is not measured
 
 MakeHall = Callable[..., Any]
@@ -32,50 +36,109 @@ def found(scene: TrackedScene, body: shapely.Polygon) -> MovingObstacle | None:
     return scene.obstacles[best[1]] if best[0] > 0.3 * body.area else None
 
 
-def errors(make: MakeHall, seeds: range, **options: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return errors after five samples, as shares of the speed (inf: not tracked) and in deviations."""
-    shares, deviations = [], []
+@dataclass(frozen=True)
+class Errors:
+    """Of bodies after five samples.
+
+    Parameters
+    ----------
+    shares : ndarray, shape (N,)
+        Error over speed, inf for a body that is not tracked.
+    deviations : ndarray, shape (M,)
+        Error over deviation of those that are tracked.
+    bounds : ndarray, shape (N,)
+        Error over speed with which a velocity may still agree with all that was measured.
+    """
+
+    shares: np.ndarray
+    deviations: np.ndarray
+    bounds: np.ndarray
+
+    @property
+    def below(self) -> float:
+        return float(np.mean(self.shares < TOLERANCE))
+
+    @property
+    def determined(self) -> np.ndarray:
+        """Whether the beams determine the velocity, whoever estimates it."""
+        return self.bounds <= TOLERANCE
+
+    @property
+    def failed(self) -> int:
+        """Number of bodies whose beams determine the velocity, and which are tracked worse."""
+        return int((self.shares[self.determined] >= TOLERANCE).sum())
+
+
+def errors(make: MakeHall, seeds: range, **options: int) -> Errors:
+    shares, deviations, bounds = [], [], []
     for seed in seeds:
         hall = make(seed, **options)
-        scene = [hall.step(INTERVAL * k) for k in range(SAMPLES)][-1]
-        for mover, (name, body) in zip(hall.movers, hall.bodies(scene.stamp).items(), strict=True):
-            if hall.least_hits[name] < LEAST_HITS:
+        scenes, returns = [], []
+        for k in range(SAMPLES):
+            scenes.append(hall.step(INTERVAL * k))
+            returns.append(hall.returns)
+        bodies = [hall.bodies(scene.stamp) for scene in scenes]
+        for mover in hall.movers:
+            if hall.least_hits[mover.id] < LEAST_HITS:
                 continue
-            track = found(scene, body)
-            if track is None:
-                shares.append(np.inf)
-                continue
-            error = float(np.hypot(*(track.velocity - np.array(mover.velocity))))
-            shares.append(error / mover.top_speed)
-            deviations.append(error / track.velocity_deviation)
-    return np.array(shares), np.array(deviations)
+            velocity, speed = np.array(mover.velocity), mover.top_speed
+            seen = [
+                Sight(scene.stamp, hits, at[mover.id])
+                for scene, hits, at in zip(scenes, returns, bodies, strict=True)
+            ]
+            bounds.append(velocity_bound(seen, velocity, isinstance(mover.shape, Circle)) / speed)
+            track = found(scenes[-1], bodies[-1][mover.id])
+            error = np.inf if track is None else float(np.hypot(*(track.velocity - velocity)))
+            shares.append(error / speed)
+            if track is not None:
+                deviations.append(error / track.velocity_deviation)
+    return Errors(np.array(shares), np.array(deviations), np.array(bounds))
 
 
 def test_velocities_seen_from_two_to_four_corners(make_random_hall: MakeHall) -> None:
-    shares, deviations = errors(make_random_hall, range(12))
-    assert np.median(shares) < 0.01
-    assert np.mean(shares < 0.05) >= 0.85  # a single face says nothing of a motion along it
-    assert np.isfinite(shares).all()
-    assert np.max(deviations) < 4.0
+    found = errors(make_random_hall, range(12))
+    assert np.median(found.shares) < 0.01
+    assert np.isfinite(found.shares).all()
+    assert np.max(found.deviations) < 4.0
+    assert np.mean(found.determined) >= 0.85  # a single face says nothing of a motion along it
+    assert found.failed == 0
 
 
 def test_velocities_seen_from_all_corners(make_random_hall: MakeHall) -> None:
-    shares, _ = errors(make_random_hall, range(100, 112), scanners=4)
-    assert np.mean(shares < 0.05) >= 0.95
-    assert np.percentile(shares, 90) < 0.02
+    found = errors(make_random_hall, range(100, 112), scanners=4)
+    assert found.below == 1.0
+    assert np.percentile(found.shares, 90) < 0.02
+
+
+def test_velocities_seen_from_two_corners(make_random_hall: MakeHall) -> None:
+    found = errors(make_random_hall, range(300, 308), scanners=2)
+    assert found.failed == 0
+    assert not found.determined.all()
+
+
+def test_a_body_that_starts_beside_something_is_told_apart_from_it(make_random_hall: MakeHall) -> None:
+    assert errors(make_random_hall, range(228, 229), scanners=4).below == 1.0
 
 
 @pytest.mark.nightly
 def test_many_velocities(make_random_hall: MakeHall) -> None:
-    shares, deviations = errors(make_random_hall, range(200))
-    assert np.mean(shares < 0.05) >= 0.98
-    assert np.percentile(deviations, 99) < 3.0
-    shares, deviations = errors(make_random_hall, range(200, 300), scanners=4)
-    assert np.mean(shares < 0.05) >= 0.99
-    assert np.percentile(deviations, 99) < 3.0
-    shares, deviations = errors(make_random_hall, range(300, 360), scanners=2)
-    assert np.mean(shares < 0.05) >= 0.94
-    assert np.percentile(deviations, 99) < 3.0
+    two_to_four = errors(make_random_hall, range(200))
+    four = errors(make_random_hall, range(200, 300), scanners=4)
+    two = errors(make_random_hall, range(300, 410), scanners=2)
+    for name, found in (("2 to 4", two_to_four), ("4", four), ("2", two)):
+        known = found.shares[found.determined]
+        print(  # for the table in docs/real-logs.md
+            f"{name} scanners: {len(found.shares)} bodies, median {np.median(found.shares):.2%}, "
+            f"p95 {np.sort(found.shares)[int(0.95 * len(found.shares))]:.1%}, below {found.below:.2%}, "
+            f"not tracked {np.isinf(found.shares).sum()}, determined {len(known)}, failed {found.failed}, "
+            f"deviations p99 {np.percentile(found.deviations, 99):.2f}, max {found.deviations.max():.2f}"
+        )
+        assert np.percentile(found.deviations, 99) < 3.0
+    assert four.below == 1.0
+    assert two_to_four.below >= 0.98
+    assert two.below >= 0.96
+    assert two_to_four.failed <= 3
+    assert two.failed <= 2
 
 
 def alarms(make: MakeHall, seeds: range, drop_out: float) -> list[tuple[int, str]]:
