@@ -153,6 +153,12 @@ class Attempt:
         )
         return plan.certificate.accepted and plan.certificate.valid_until >= whole - 1e-6
 
+    @property
+    def in_company(self) -> bool:
+        """Whether another robot is so near that it may be in the way."""
+        reach = self.crowd.own_reach + self.distances.tightest
+        return len(self.others) > 0 and bool(self.crowd.gaps.min() <= reach)
+
     def is_lasting(self, plan: PlannedPath) -> bool:
         """Whether a plan is certified for two sampling intervals at least, or to its end."""
         soon = self.time + 2.0 * self.settings.sampling_interval

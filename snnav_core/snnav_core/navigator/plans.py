@@ -14,6 +14,7 @@ from snnav_core.types import FloatArray, PathSource, PlannedPath, Stop, StopReas
 
 __all__ = [
     "BY_ROBOT",
+    "NONE_CERTIFIED",
     "best_profile",
     "better",
     "profiles",
@@ -25,6 +26,9 @@ __all__ = [
 
 BY_ROBOT = " of robot "
 """In the reasons of certificates that another robot is to blame for."""
+
+NONE_CERTIFIED = "candidates, none certified"
+"""In the reasons of robots all of whose ways were refused."""
 
 _WORTH = 1.1  # times the shortest way: a longer path is worth a turn in place before
 _ALIGNED = 0.02  # a turn by less than this [rad] brings nothing

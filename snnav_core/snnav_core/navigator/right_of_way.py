@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from snnav_core.navigator.context import AreaContext
+from snnav_core.navigator.plans import NONE_CERTIFIED
 from snnav_core.navigator.precedence import Precedence
 from snnav_core.navigator.settings import NavigatorSettings
 from snnav_core.navigator.ways import Party, Ways
@@ -144,6 +145,11 @@ class RightOfWay:
             by_robot = decision.reason is StopReason.BLOCKED_BY_ROBOT
             message = f"{decision.message}; {text}" if by_robot else f"robot {name} waits: {text}"
             return Stop(name, StopReason.BLOCKED_BY_ROBOT, message)
+        if NONE_CERTIFIED in decision.message and self._by_robot(decision):
+            message = (
+                f"robot {name} waits for robot {self._nearest(name)[1]}, which is near; {decision.message}"
+            )
+            return replace(decision, reason=StopReason.BLOCKED_BY_ROBOT, message=message)
         return decision
 
     def _is_idle(self, name: str) -> bool:

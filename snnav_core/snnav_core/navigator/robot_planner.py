@@ -14,6 +14,7 @@ from snnav_core.navigator.evasion import closes, evade, may_stand
 from snnav_core.navigator.foresight import weigh
 from snnav_core.navigator.plans import (
     BY_ROBOT,
+    NONE_CERTIFIED,
     best_profile,
     better,
     profiles,
@@ -117,17 +118,10 @@ def plan_robot(
     progress = memory.progress.here(position)
     rest = None
     if progress.rest > 0:
-        room = attempt.context.clearance(position)
-        rest = progress.stop(robot, position, room, settings.safety_margin)
+        rest = progress.stop(robot, position, attempt.context.clearance(position), settings.safety_margin)
     decision, memory = _weighed(attempt, memory, area_changed, rest)
-    progress = progress.after(decision, settings.sampling_interval, robot.speed, _in_company(attempt))
+    progress = progress.after(decision, settings.sampling_interval, robot.speed, attempt.in_company)
     return decision, replace(memory, progress=progress)
-
-
-def _in_company(attempt: Attempt) -> bool:
-    """Whether another robot is so near that it may be in the way."""
-    reach = attempt.crowd.own_reach + attempt.distances.tightest
-    return len(attempt.others) > 0 and bool(attempt.crowd.gaps.min() <= reach)
 
 
 def _weighed(
@@ -319,7 +313,7 @@ def _search(attempt: Attempt, best: PlannedPath | None, memory: RobotMemory) -> 
             if attempt.is_full(plan) or memory.hurry > 0:
                 break
     reason = StopReason.BLOCKED_BY_ROBOT if by_robot else StopReason.NO_PATH
-    message = f"robot {robot.id}: {len(candidates)} candidates, none certified; one of them {rejected}"
+    message = f"robot {robot.id}: {len(candidates)} {NONE_CERTIFIED}; one of them {rejected}"
     return _Search(best, Stop(robot.id, reason, message), route, route.target)
 
 
