@@ -19,6 +19,7 @@ from snnav_core.types import FloatArray, PathSource, PlannedPath, RobotSpec, Sto
 __all__ = ["FlightPlanner"]
 
 _SAME_GOAL = 1e-6  # [m]
+_EXCUSED = 3  # beside others only every third decision counts towards getting nowhere: they may be to blame
 _SOON = 3  # steps until a way is sought instead of a path that cannot be adjusted any more
 
 
@@ -77,7 +78,8 @@ class FlightPlanner:
         self._progress = self._progress.here(state.position)
         decision, searched = self._rests(task) or self._weighed(task, may_search)
         interval, speed = self.settings.sampling_interval, self.robot.speed
-        self._progress = self._progress.after(decision, interval, speed, in_company(task))
+        excused = in_company(task) and self._count % _EXCUSED != 0
+        self._progress = self._progress.after(decision, interval, speed, excused)
         return decision, searched
 
     def _rests(self, task: FlightTask) -> tuple[Stop, bool] | None:

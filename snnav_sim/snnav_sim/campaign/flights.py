@@ -50,7 +50,7 @@ def draw_flight_scene(draws: Draws) -> SpaceScene | None:
         obstacles=_bodies(draws, size),
         time_window=int(draws.integers(4, 7)),
         boundary_speed=between(draws, 0.05, 0.2) if people else 0.0,
-        time_limit=60.0,
+        time_limit=150.0,
     )
     if people:
         scene = replace(scene, movers=_walkers(draws, scene))
