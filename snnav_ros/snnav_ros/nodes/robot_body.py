@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Any, Protocol
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 import shapely
@@ -28,6 +28,8 @@ __all__ = ["Body", "FlyerBody", "GroundBody"]
 _KEPT = 200  # measured poses
 _STOP = VelocityCommand(0.0, 0.0)
 _HOVER = FlightCommand(0.0, np.zeros(3))
+
+_TrackerT = TypeVar("_TrackerT", PlanarTracker, SpatialTracker)
 
 
 class Body(Protocol):
@@ -95,7 +97,31 @@ class Body(Protocol):
         ...
 
 
-class GroundBody:
+class _Guided(Generic[_TrackerT]):
+    """What a body on the ground and one in space share: the tracker, and the command that it gave.
+
+    Parameters
+    ----------
+    tracker : PlanarTracker or SpatialTracker
+    """
+
+    _command: VelocityCommand | FlightCommand
+
+    def __init__(self, tracker: _TrackerT) -> None:
+        self._tracker = tracker
+
+    @property
+    def finished(self) -> bool:
+        """Whether there is nothing (more) to follow."""
+        return self._tracker.finished
+
+    @property
+    def speed(self) -> float:
+        """Speed of the present command [m/s]."""
+        return self._command.speed
+
+
+class GroundBody(_Guided[PlanarTracker]):
     """A unicycle; simulated, that of a Pioneer 3-DX.
 
     Parameters
@@ -109,19 +135,10 @@ class GroundBody:
     in_space = False
 
     def __init__(self, spec: RobotSpec, start: Pose2D, tracker: PlanarTracker) -> None:
-        self.spec, self._start, self._tracker = spec, start, tracker
+        super().__init__(tracker)
+        self.spec, self._start = spec, start
         self.begin()
         self.forget()
-
-    @property
-    def finished(self) -> bool:
-        """Whether there is nothing (more) to follow."""
-        return self._tracker.finished
-
-    @property
-    def speed(self) -> float:
-        """Speed of the present command [m/s]."""
-        return self._command.speed
 
     @property
     def error(self) -> float:
@@ -189,7 +206,7 @@ class GroundBody:
         return twist
 
 
-class FlyerBody:
+class FlyerBody(_Guided[SpatialTracker]):
     """A simulated flying robot: it hovers where it has nothing to follow.
 
     Parameters
@@ -203,19 +220,10 @@ class FlyerBody:
     in_space = True
 
     def __init__(self, start: FlyerState, spec: RobotSpec, tracker: SpatialTracker) -> None:
-        self.spec, self._start, self._tracker = spec, start, tracker
+        super().__init__(tracker)
+        self.spec, self._start = spec, start
         self.begin()
         self.forget()
-
-    @property
-    def finished(self) -> bool:
-        """Whether there is nothing (more) to follow."""
-        return self._tracker.finished
-
-    @property
-    def speed(self) -> float:
-        """Speed of the present command [m/s]."""
-        return self._command.speed
 
     @property
     def error(self) -> float:
