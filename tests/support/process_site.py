@@ -58,6 +58,10 @@ class ProcessSite:
             assert time.monotonic() < end, f"waited {self._longest} s for {what}; last said {self.texts[-4:]}"
             self.executor.spin_once(timeout_sec=0.02)
 
+    def until_said(self, text: str) -> None:
+        """Work until a node said something of itself."""
+        self.until(lambda: any(text in said for said in self.texts), f"somebody to say {text!r}")
+
     def close(self) -> None:
         self.executor.shutdown()
         self.node.destroy_node()
