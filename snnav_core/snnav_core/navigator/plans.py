@@ -145,8 +145,10 @@ def better(best: PlannedPath | None, plan: PlannedPath | None) -> PlannedPath | 
 def shortened(plan: PlannedPath, fails: float, interval: float, fault: str) -> PlannedPath | Stop:
     """A path with the whole intervals of its window that are left before it fails [s]; a stop without any."""
     whole = math.floor((fails - plan.path.start_time) / interval + 1e-6)
+    if plan.path.start_time + whole * interval >= plan.certificate.valid_until:
+        whole -= 1  # it fails within what is rounded off: still shorter each time, or nobody would ever agree
     if whole < 1:
         message = f"robot {plan.robot_id} waits: {fault}"
         return Stop(plan.robot_id, StopReason.BLOCKED_BY_ROBOT, message)
-    valid_until = min(plan.path.start_time + whole * interval, plan.certificate.valid_until)
+    valid_until = plan.path.start_time + whole * interval
     return replace(plan, certificate=replace(plan.certificate, valid_until=valid_until))

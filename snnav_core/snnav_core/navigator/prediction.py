@@ -83,7 +83,7 @@ def state_fault(state: RobotState | None, time: float, interval: float) -> str:
 
 def up_to(path: TimedPath, end: float) -> TimedPath:
     """The part of a path up to time `end` [s], where the robot stops without a new one."""
-    count = math.floor((end - path.start_time) / path.step + 1e-6) + 1
+    count = math.floor((end - path.start_time + TIME_TOLERANCE) / path.step) + 1
     return path if count >= len(path) else TimedPath(path.start_time, path.step, path.points[: max(count, 1)])
 
 

@@ -28,6 +28,8 @@ PIECES_PER_LINK = 8
 """So many pieces of a link are checked each when the boundary moves; a planner has to keep what the boundary moves in
 the time of one piece as a reserve."""
 
+_SAME_INTERVAL = 1e-6  # of an interval: times since 1970 are no finer than a quarter of a microsecond
+
 
 @dataclass(frozen=True, slots=True)
 class CertificateSettings:
@@ -125,7 +127,7 @@ def certify(
     clearance_until, clearance, clearance_fault = check.clearance()
     separation_until, separation, separation_fault = check.separation()
     safe_until = max(path.start_time, min(clearance_until, separation_until, check.window_end))
-    whole = math.floor((safe_until - path.start_time) / settings.sampling_interval + 1e-9)
+    whole = math.floor((safe_until - path.start_time) / settings.sampling_interval + _SAME_INTERVAL)
     window = min(settings.time_window, whole)
     if window < least_window:
         reason = clearance_fault if clearance_until <= separation_until else separation_fault
@@ -273,7 +275,7 @@ class _Check:
     @cached_property
     def _inside(self) -> NDArray[np.bool_]:
         """Pieces within the window."""
-        return np.asarray(self.times <= self.window_end - self.path.start_time + 1e-9)
+        return np.asarray(self.times <= self.settings.time_window * self.settings.sampling_interval + 1e-9)
 
     def _tolerance(self) -> FloatArray:
         settings = self.settings

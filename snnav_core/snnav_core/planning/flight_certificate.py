@@ -20,6 +20,7 @@ from snnav_core.types import Certificate, FloatArray, RobotSpec, TimedPath
 __all__ = ["certify_flight"]
 
 _PIECE = 0.25  # longest piece of a link that is checked as one, as a share of the cells of the area
+_SAME_INTERVAL = 1e-6  # of an interval: times since 1970 are no finer than a quarter of a microsecond
 
 
 def certify_flight(
@@ -67,7 +68,7 @@ def certify_flight(
     apart_until, apart, apart_fault = separation(path, others, settings)
     window_end = path.start_time + settings.time_window * settings.sampling_interval
     until = max(path.start_time, min(clear_until, apart_until, window_end))
-    window = math.floor((until - path.start_time) / settings.sampling_interval + 1e-9)
+    window = math.floor((until - path.start_time) / settings.sampling_interval + _SAME_INTERVAL)
     if not reason and window < least_window:
         reason = clear_fault if clear_until <= apart_until else apart_fault
     if not reason:

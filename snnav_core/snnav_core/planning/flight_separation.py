@@ -168,6 +168,8 @@ def _least_gap(
 def _knot_after(count: int, start: float, step: float, time: float) -> float:  # pragma: no cover - compiled
     """Time of the next knot of a path after a time, inf when there is none."""
     index = max(int(np.floor((time - start) / step + 1e-9)) + 1, 0)
+    if start + index * step <= time:
+        index += 1  # this is a knot itself: times since 1970 are no finer than a quarter of a microsecond
     knot = start + index * step
     return knot if index < count and knot > time else np.inf
 

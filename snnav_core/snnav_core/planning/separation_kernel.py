@@ -147,8 +147,10 @@ def _next_knot(start, step, last, time):  # type: ignore[no-untyped-def]
     """Time after `time` at which a motion changes; it ends at its (perhaps fractional) point number `last`."""
     if last <= 0.0:
         return math.inf
-    index = min(max(math.floor((time - start) / step + _SAME_TIME) + 1.0, 0.0), last)
-    knot = start + index * step
+    index = max(math.floor((time - start) / step + _SAME_TIME) + 1.0, 0.0)
+    if start + index * step <= time + _SAME_TIME * step:
+        index += 1.0  # this is a knot itself: times since 1970 are no finer than a quarter of a microsecond
+    knot = start + min(index, last) * step
     return knot if knot > time + _SAME_TIME * step else math.inf
 
 
