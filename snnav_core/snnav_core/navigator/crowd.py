@@ -228,7 +228,9 @@ class Cast:
             known.pop(name, None)
 
 
-def possible_paths(state: RobotState | None, promise: HeardPath, step: float, time: float) -> list[TimedPath]:
+def possible_paths(
+    state: RobotState | None, promise: HeardPath, distances: RobotDistances, time: float
+) -> list[TimedPath]:
     """Where a robot may be from `time` [s] on: on what it was promised, or standing somewhere on the rest of that.
 
     Parameters
@@ -236,12 +238,14 @@ def possible_paths(state: RobotState | None, promise: HeardPath, step: float, ti
     state : RobotState or None
         The last that is known of it; None for nothing.
     promise : HeardPath
-    step : float
-        Of the paths of one that stands [s].
+    distances : RobotDistances
+        Of the robot.
     time : float
     """
+    step = distances.step
     if promise.path is not None and time < promise.valid_until:
-        return [up_to(promise.path, promise.valid_until)]
+        way = up_to(promise.path, promise.valid_until)
+        return [way, *_stops_before(state, way, distances, time)]
     if state is None:
         return []
     paths = [TimedPath(time, step, state.pose.position[None])]
@@ -250,3 +254,17 @@ def possible_paths(state: RobotState | None, promise: HeardPath, step: float, ti
         left = np.arange(state.stamp, promise.valid_until + 0.5 * step, step)
         paths += [TimedPath(time, step, point[None]) for point in promise.path.positions_at(left)]
     return paths
+
+
+def _stops_before(
+    state: RobotState | None, way: TimedPath, distances: RobotDistances, time: float
+) -> list[TimedPath]:
+    """Where a robot may have stopped before `time` [s] that was not heard of since its way was decided.
+
+    It was told to stop then, but nobody knows whether it hears that.
+    """
+    since = way.start_time if state is None else max(way.start_time, state.stamp)
+    if time - since <= distances.parts * distances.step + TIME_TOLERANCE:
+        return []
+    passed = way.positions_at(np.arange(since, time, distances.step))
+    return [TimedPath(time, distances.step, point[None]) for point in passed]

@@ -257,7 +257,7 @@ class GroundNavigator:
     ) -> list[OtherRobot]:
         """Where one robot will be, as a disk of a given radius [m]."""
         promise = self._promise(other, decisions)
-        paths = possible_paths(self._states.get(other), promise, self._distances[other].step, time)
+        paths = possible_paths(self._states.get(other), promise, self._distances[other], time)
         parked = promise.path is None and self._is_parked(other)
         return [OtherRobot(other, radius, path, parked) for path in paths]
 

@@ -110,8 +110,12 @@ def drive_with_failures(
     fails: Callable[[str, float], bool],
     heard: Callable[[str, float], bool],
     duration: float,
+    obeys: bool = False,
 ) -> dict[str, np.ndarray]:
-    """Like the closed loop, but bases stand still and states are lost at times; return the positions."""
+    """Like the closed loop, but bases stand still and states are lost at times; return the positions.
+
+    Robots that are not heard of hear nothing themselves, unless they obey and stop at once.
+    """
     fleet = Fleet(nav.robots, poses)
     positions: dict[str, list[np.ndarray]] = {name: [] for name in poses}
     for tick in range(round(duration / CONTROL_PERIOD)):
@@ -119,7 +123,7 @@ def drive_with_failures(
         if tick % 10 == 0:
             states = {name: state for name, state in fleet.states(time).items() if heard(name, time)}
             decisions = nav.step(time, area(stamp=time), states, goals).decisions
-            fleet.tell({name: one for name, one in decisions.items() if not is_unheard(one)})
+            fleet.tell({name: one for name, one in decisions.items() if obeys or not is_unheard(one)})
         fleet.move(time, [name for name in poses if fails(name, time)])
         for name, pose in fleet.poses.items():
             positions[name].append(pose.position)
@@ -156,6 +160,26 @@ def test_a_robot_that_is_not_heard_of_any_more_is_not_run_into(order: str) -> No
     )
     assert np.linalg.norm(positions["a"] - positions["b"], axis=1).min() >= APART - 1e-6
     assert np.linalg.norm(positions["a"][-1] - (15.0, 6.0)) < 0.2
+
+
+@pytest.mark.parametrize("order", ["ab", "ba"])
+@pytest.mark.parametrize(
+    ("start", "goal"), [((5.2, 6.0, 0.0), (17.0, 6.0)), ((8.0, 3.5, math.pi / 2), (8.0, 10.0))]
+)
+def test_a_robot_that_stopped_when_it_was_not_heard_of_any_more_is_not_run_into(
+    order: str, start: tuple[float, float, float], goal: tuple[float, float]
+) -> None:
+    """It was told to stop, and did, short of where its last path would have led it."""
+    positions = drive_with_failures(
+        navigator(order),
+        {"a": Pose2D(4.0, 6.0, 0.0), "b": Pose2D(*start)},
+        {"a": (15.0, 6.0), "b": goal},
+        lambda name, time: False,
+        lambda name, time: name == "a" or time < 5.5,
+        12.0,
+        obeys=True,
+    )
+    assert np.linalg.norm(positions["a"] - positions["b"], axis=1).min() >= APART - 1e-6
 
 
 def test_what_a_later_robot_decides_counts_for_those_before_it_too() -> None:
