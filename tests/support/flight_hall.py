@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -73,7 +73,8 @@ class Hall:
             spheres = np.array([[*state.position, self.radius] for state in self.states.values()])
             for eye in self.eyes:
                 self.fusion.add_image(eye.id, image(eye, self.boxes_at(time), ROOM, time), spheres)
-        result = self.navigator.step(time, self.fusion.area(time), self.states, self.goals)
+        states = {name: replace(state, stamp=time) for name, state in self.states.items()}
+        result = self.navigator.step(time, self.fusion.area(time), states, self.goals)
         for name, decision in result.decisions.items():
             state = self.states[name]
             if isinstance(decision, Stop):

@@ -10,9 +10,11 @@ import numpy as np
 from snnav_core.area.spatial import SpatialArea
 from snnav_core.errors import InvalidInput
 from snnav_core.flight_types import FlyerState
+from snnav_core.navigator.flight_company import settle, silent
 from snnav_core.navigator.flight_planner import FlightPlanner
 from snnav_core.navigator.flight_retreat import Retreats
 from snnav_core.navigator.flight_settings import FlightSettings
+from snnav_core.navigator.prediction import TIME_TOLERANCE, up_to
 from snnav_core.planning.flight_separation import OtherFlyer
 from snnav_core.types import FloatArray, PlannedPath, RobotSpec, StepResult, Stop, StopReason, TimedPath
 
@@ -37,7 +39,8 @@ class FlightNavigator:
     -----
     Deviations: robots not decided yet in this round are where their last path has them at the same time (C4-10); a
     robot that was blocked for some steps goes first (C4-11), and where several are blocked the last one goes aside;
-    robots without a path hover, as spheres that stay.
+    robots without a path hover, as spheres that stay. Once all are decided, windows end where they no longer agree with
+    what others were told later. A robot that is not heard of may be anywhere on the rest of its way.
     """
 
     def __init__(self, robots: Sequence[RobotSpec], settings: FlightSettings) -> None:
@@ -45,7 +48,8 @@ class FlightNavigator:
         self._planners: dict[str, FlightPlanner] = {}
         self._blocked: dict[str, int] = {}
         self._searched: dict[str, int] = {}  # number of the step of the last search
-        self._steps = 0
+        self._states: dict[str, FlyerState] = {}  # the last that could be used
+        self._steps, self._time = 0, -math.inf
         self._retreats = Retreats(settings.retreat_steps, settings.seed)
         for robot in robots:
             self.add_robot(robot)
@@ -67,10 +71,12 @@ class FlightNavigator:
         self._planners.pop(robot_id, None)
         self._blocked.pop(robot_id, None)
         self._searched.pop(robot_id, None)
+        self._states.pop(robot_id, None)
         self._retreats.forget(robot_id)
 
     def reset(self) -> None:
-        """Forget all paths."""
+        """Forget all paths, and where the robots were."""
+        self._states, self._time = {}, -math.inf
         for name, planner in self._planners.items():
             planner.reset()
             self._retreats.forget(name)
@@ -91,7 +97,8 @@ class FlightNavigator:
         area : SpatialArea or None
             Free region at this time; None when there is none, and all robots are stopped.
         states : mapping
-            Where the robots are; one that is missing gets no path.
+            Where the robots are, measured up to one sampling interval earlier; one that is missing or older gets no
+            path.
         goals : mapping
             Targets (3,) [m, map].
 
@@ -100,6 +107,11 @@ class FlightNavigator:
         StepResult
         """
         decisions: dict[str, PlannedPath | Stop] = {}
+        if time < self._time:
+            self.reset()
+        self._time = time
+        given, states = states, self._usable(states, time)
+        self._states.update(states)
         if area is not None:
             valid = {
                 name: np.asarray(goal, dtype=np.float64) for name, goal in goals.items() if _is_point(goal)
@@ -112,10 +124,11 @@ class FlightNavigator:
         for name in self._order():
             planner = self._planners[name]
             state, goal = states.get(name), goals.get(name)
-            stop = _missing(name, area, state, goal, time)
+            stop = _missing(name, area, given.get(name), state is not None, goal, time)
             if stop is not None or area is None or state is None or goal is None:
-                planner.reset()
-                decisions[name] = stop or Stop(name, StopReason.NO_AREA, "no area")
+                decisions[name] = stop = stop or Stop(name, StopReason.NO_AREA, "no area")
+                if stop.reason is not StopReason.NO_STATE:  # it may still follow its last path
+                    planner.reset()
                 continue
             others = self._others(name, time, states, goals)
             may_search = name in turns or left > 0
@@ -126,6 +139,7 @@ class FlightNavigator:
                 left -= name not in turns
                 self._searched[name] = self._steps
         self._steps += 1
+        self._settle(time, decisions, states)
         for name, decision in decisions.items():
             waits = isinstance(decision, Stop) and decision.reason in _WAITING
             self._blocked[name] = self._blocked[name] + 1 if waits else 0
@@ -147,7 +161,10 @@ class FlightNavigator:
         """Where all other robots are going to be."""
         others = []
         for other, planner in self._planners.items():
-            if other == name or other not in states:
+            if other == name:
+                continue
+            if other not in states:
+                others += silent(planner.robot, self._states.get(other), planner.last, time)
                 continue
             path, place = planner.promised(time), states[other].position
             leaves = False
@@ -159,6 +176,33 @@ class FlightNavigator:
             others.append(OtherFlyer(other, planner.robot.radius, path, leaves))
         return others
 
+    def _usable(self, states: Mapping[str, FlyerState], time: float) -> dict[str, FlyerState]:
+        """The states of robots that are known here which are not older than a sampling interval."""
+        oldest = self.settings.sampling_interval + TIME_TOLERANCE
+        return {
+            name: state
+            for name, state in states.items()
+            if name in self._planners and abs(time - state.stamp) <= oldest
+        }
+
+    def _settle(
+        self, time: float, decisions: dict[str, PlannedPath | Stop], states: Mapping[str, FlyerState]
+    ) -> None:
+        """Let windows end where others, decided later, no longer are where they were to be, in place."""
+        ways: dict[str, list[OtherFlyer]] = {}
+        for name, planner in self._planners.items():
+            decision = decisions[name]
+            if isinstance(decision, PlannedPath):
+                path = up_to(decision.path, decision.certificate.valid_until)
+            elif name in states:
+                path = TimedPath(time, self.settings.sampling_interval, states[name].position[None])
+            else:
+                ways[name] = silent(planner.robot, self._states.get(name), planner.last, time)
+                continue
+            ways[name] = [OtherFlyer(name, planner.robot.radius, path)]
+        for name in settle(time, decisions, ways, states, self.settings):
+            self._planners[name].revise(decisions[name])
+
 
 _WAITING = (
     StopReason.NO_PATH,
@@ -169,13 +213,21 @@ _WAITING = (
 
 
 def _missing(
-    name: str, area: SpatialArea | None, state: FlyerState | None, goal: FloatArray | None, time: float
+    name: str,
+    area: SpatialArea | None,
+    state: FlyerState | None,
+    is_usable: bool,
+    goal: FloatArray | None,
+    time: float,
 ) -> Stop | None:
     """Why a robot cannot be planned for, if something is missing."""
     if area is None:
         return Stop(name, StopReason.NO_AREA, f"no free region is known at {time:.2f} s")
     if state is None:
         return Stop(name, StopReason.NO_STATE, f"position of robot {name} is unknown at {time:.2f} s")
+    if not is_usable:
+        when = f"was measured {time - state.stamp:.2f} s ago"
+        return Stop(name, StopReason.NO_STATE, f"position of robot {name} {when}; check its odometry")
     if goal is None:
         return Stop(name, StopReason.NO_GOAL, f"robot {name} has no target")
     if not _is_point(goal):

@@ -12,6 +12,7 @@ from snnav_core.navigator.flight_refusal import explain, without_search
 from snnav_core.navigator.flight_seek import can_be_reached, in_company, seek
 from snnav_core.navigator.flight_settings import FlightDistances, FlightSettings
 from snnav_core.navigator.flight_task import FlightTask
+from snnav_core.navigator.prediction import TIME_TOLERANCE
 from snnav_core.navigator.progress import Progress
 from snnav_core.planning.flight_separation import OtherFlyer
 from snnav_core.types import FloatArray, PathSource, PlannedPath, RobotSpec, Stop, StopReason, TimedPath
@@ -53,9 +54,18 @@ class FlightPlanner:
 
     def promised(self, time: float) -> TimedPath | None:
         """The path that the robot follows at a time [s], None when it hovers."""
-        if self._last is None or self._last.certificate.valid_until < time:
+        if self._last is None or self._last.certificate.valid_until < time - TIME_TOLERANCE:
             return None
         return self._last.path
+
+    @property
+    def last(self) -> PlannedPath | None:
+        """What the robot was told last; None for a stop."""
+        return self._last
+
+    def revise(self, decision: PlannedPath | Stop) -> None:
+        """Take what became of the last decision when all robots were decided."""
+        self._last = decision if isinstance(decision, PlannedPath) else None
 
     def decide(
         self,

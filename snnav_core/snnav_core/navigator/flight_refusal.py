@@ -70,4 +70,6 @@ def _blocked(task: FlightTask) -> Stop | None:
     if not found:
         return None
     name = task.robot.id
-    return Stop(name, StopReason.BLOCKED_BY_ROBOT, f"robot {name} waits for {', '.join(found[:3])}")
+    return Stop(
+        name, StopReason.BLOCKED_BY_ROBOT, f"robot {name} waits for {', '.join([*dict.fromkeys(found)][:3])}"
+    )
