@@ -108,8 +108,8 @@ class _Check:
         since = max(path.start_time - area.stamp, 0.0)
         self.distances = self._along(settings.boundary_speed * (since + self.times))
         self.present_distances = self._along(np.zeros(len(self.times)))
-        grown = settings.boundary_speed * since
-        self.present = float(area.clearance_at(self.points[:1], grown)[0])
+        self._grown = settings.boundary_speed * since
+        self.present = float(area.clearance_at(self.points[:1], self._grown)[0])
 
     def _along(self, growth: FloatArray) -> FloatArray:
         """Least distance of every piece, (M,) [m].
@@ -183,8 +183,10 @@ class _Check:
             full[soon] = np.minimum(full[soon], np.maximum(settings.safety_margin, self.present))
             return full
         reached = np.maximum.accumulate(self.distances >= full)
-        grown = settings.boundary_speed * self.times
-        return np.where(reached, full, np.minimum(full, self.present - grown - self._slack))
+        # Whatever moves may come nearer meanwhile, walls do not: to what is there now it comes no nearer.
+        now = self._along(np.full(len(self.times), self._grown))
+        lost = np.where(np.isfinite(self.distances), now - self.distances, 0.0)
+        return np.where(reached, full, np.minimum(full, self.present - lost - self._slack))
 
     @property
     def _slack(self) -> float:

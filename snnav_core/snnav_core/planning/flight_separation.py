@@ -59,14 +59,14 @@ def separation(
     margin = settings.safety_margin + 2.0 * settings.tracking_tolerance
     until, least, fault = math.inf, math.inf, ""
     for other in others:
-        gaps, times, present, at_stops = _gaps(
+        gaps, times, present, at_stops, coarse = _gaps(
             *_line(path), *_line(other.path), start, interval, settings.time_window
         )
         limit = min(margin, present - other.radius)
         for count in range(settings.time_window):
             gap = float(gaps[count]) - other.radius
             least = min(least, gap)
-            if count == 0:
+            if count == 0 and at_stops - other.radius < min(margin, present - coarse - other.radius) - 1e-6:
                 gap = min(gap, at_stops - other.radius)
             if gap < limit - 1e-6:
                 if start + count * interval < until:
@@ -94,10 +94,11 @@ def _gaps(
     begin: float,
     interval: float,
     count: int,
-) -> tuple[FloatArray, FloatArray, float, float]:  # pragma: no cover - compiled
+) -> tuple[FloatArray, FloatArray, float, float, float]:  # pragma: no cover - compiled
     """Least distance in every interval and when, the present distance, and the least one should the other stop [m].
 
-    The last one is for a stop anywhere in the first interval, this robot goes on.
+    That one is for a stop anywhere in the first interval, this robot goes on; it is too little by the last number at
+    most.
     """
     gaps, times = np.empty(count), np.empty(count)
     for k in range(count):
@@ -118,7 +119,7 @@ def _gaps(
         for sooner in range(later + 1):
             at_stops = min(at_stops, np.sqrt(np.sum((mine[later] - stops[sooner]) ** 2)))
     present = np.sqrt(np.sum((mine[0] - stops[0]) ** 2))
-    return gaps, times, present, at_stops - half - moved
+    return gaps, times, present, at_stops - half - moved, half + moved
 
 
 @njit(cache=True, nogil=True)
