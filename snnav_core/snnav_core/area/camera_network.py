@@ -37,7 +37,7 @@ def spheres_at(tracks: Collection[RobotTrack], time: float, most_slack: float = 
     spheres = []
     for track in tracks:
         found = track.place(time)
-        if found is not None and found[1] <= most_slack:
+        if found is not None and max(found[1], track.astray(time)) <= most_slack:
             spheres.append((*found[0].tolist(), track.robot.radius))
     return np.array(spheres, dtype=np.float64).reshape(-1, 4)
 
@@ -63,8 +63,8 @@ class CameraNetwork:
     Notes
     -----
     Deviation (C4-23): what cameras saw of a robot is taken out where its states say that it was. Up to 0.2 s after the
-    last state it is taken to have gone on, as long as it cannot be farther than half of `robot_pad` from there. Where
-    its place is unknown its returns stay obstacles.
+    last state it is taken to have gone on, and between two states to have flown straight, as long as it cannot be
+    farther than half of `robot_pad` from there. Where its place is unknown its returns stay obstacles.
     """
 
     def __init__(

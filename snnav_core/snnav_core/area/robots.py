@@ -134,6 +134,21 @@ class RobotTrack:
         earlier = self._places[after - 1]
         return earlier + share * (later - earlier), 0.0
 
+    def astray(self, stamp: float) -> float:
+        """How far off the straight line between two states the robot may be at a time in between [m].
+
+        At its greatest speed it may have flown a detour that brought it back: with v T the way that it could have flown
+        between them, D their distance and s the share of the time, sqrt(s (1 - s) ((v T)^2 - D^2)). 0 at a state, and
+        outside of the states, where `place` says it.
+        """
+        after = bisect_left(self._stamps, stamp - _SAME_TIME)
+        if not 0 < after < len(self._stamps) or self._stamps[after] <= stamp + _SAME_TIME:
+            return 0.0
+        earlier, later = self._stamps[after - 1], self._stamps[after]
+        share, way = (stamp - earlier) / (later - earlier), self.robot.speed * (later - earlier)
+        gap = float(np.linalg.norm(self._places[after] - self._places[after - 1]))
+        return math.sqrt(share * (1.0 - share) * max(way * way - gap * gap, 0.0))
+
     def _extrapolated(self, stamp: float) -> tuple[FloatArray, float] | None:
         elapsed = stamp - self._stamps[-1]
         if elapsed > LONGEST_EXTRAPOLATION + _SAME_TIME:

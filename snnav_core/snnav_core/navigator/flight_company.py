@@ -104,7 +104,7 @@ def _until(plan: PlannedPath, others: Sequence[OtherFlyer], settings: FlightSett
     for other in others:
         present = least_gap(plan.path, other.path, start, start)[0] - other.radius
         limit = min(margin, present)
-        for count in range(math.floor((until - start) / interval + _TINY)):
+        for count in range(math.ceil((until - start) / interval - 1e-3)):
             begin = start + count * interval
             gap, when = least_gap(plan.path, other.path, begin, begin + interval)
             if gap - other.radius < limit - _TINY:

@@ -168,3 +168,14 @@ def test_an_image_stamped_ahead_within_the_tolerance_counts_from_its_stamp_on() 
     ours.add_image("low", seen("low", 1.2), 1.0)
     assert not (ours.area(1.0).moving > 0.0).any()
     assert (ours.area(1.2).moving > 0.0).any()
+
+
+@pytest.mark.parametrize(("gap", "is_taken_out"), [(0.05, True), (0.2, True), (0.6, False), (1.9, False)])
+def test_between_states_far_apart_a_robot_may_have_been_elsewhere(gap: float, is_taken_out: bool) -> None:
+    ours = network()
+    for stamp in (1.0, 1.0 + gap):
+        ours.add_state(state(stamp))  # it may have flown away and come back
+    between = 1.0 + 0.5 * gap
+    for name in EYES:
+        ours.add_image(name, seen(name, between, MIDDLE), between)  # the robot, or something in its place
+    assert (float(ours.area(between).clearance_at(MIDDLE[None])[0]) > 0.3) == is_taken_out
