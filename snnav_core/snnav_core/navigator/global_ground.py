@@ -132,13 +132,14 @@ class GlobalNavigator:
 
     def remove_robot(self, robot_id: str) -> None:
         """Forget a robot that was taken out of the workspace; a name that is not known is no fault."""
-        for known in (self.robots, self._memory, self._states):
+        for known in (self.robots, self._memory, self._states, self._given):
             known.pop(robot_id, None)
 
     def reset(self) -> None:
         """Forget all plans, as after a jump of time."""
         self._memory: dict[str, _Memory] = {}
         self._states: dict[str, RobotState] = {}
+        self._given: dict[str, PlannedPath] = {}  # what robots may still follow
         self._last: StepResult | None = None
         self._time = -math.inf
 
@@ -197,6 +198,8 @@ class GlobalNavigator:
             else:
                 decided[name] = self._decide(robot, time, scene, goals, decided)
         self._settle(time, scene, decided)
+        silent = {name: plan for name, plan in self._given.items() if _is_silent(decided.get(name))}
+        self._given = silent | {name: one for name, one in decided.items() if isinstance(one, PlannedPath)}
         self._last = StepResult(time, decided)
         return self._last
 
@@ -332,25 +335,30 @@ class GlobalNavigator:
     ) -> Situation:
         others = []
         for name, other in self.robots.items():
-            path = None if name == robot.id else self._way(name, time, decided)
-            if path is not None:
-                others.append(OtherRobot(name, path, self.settings.distance_between(robot, other)))
+            distance = self.settings.distance_between(robot, other)
+            if name != robot.id:
+                others += [OtherRobot(name, path, distance) for path in self._ways(name, time, decided)]
         pose = self._poses[robot.id]
         return Situation(robot, pose, time, scene.obstacles, scene.workspace, tuple(others), self.settings)
 
-    def _way(self, name: str, time: float, decided: Mapping[str, PlannedPath | Stop]) -> TimedPath | None:
-        """Where another robot will be: on its way, or standing; None when it was never heard of."""
+    def _ways(self, name: str, time: float, decided: Mapping[str, PlannedPath | Stop]) -> list[TimedPath]:
+        """Where another robot may be: on its way, or standing; nothing when it was never heard of.
+
+        One that is not heard of any more was told to stop, and may do so or not: it stands anywhere, or goes on.
+        """
         decision, memory = decided.get(name), self._memory.get(name)
-        silent = isinstance(decision, Stop) and decision.reason is StopReason.NO_STATE
-        last = None if self._last is None else self._last.decisions.get(name)
-        if silent and isinstance(last, PlannedPath):
-            return up_to(last.path, last.certificate.valid_until)
-        stopped = isinstance(decision, Stop)
-        if memory is not None and memory.journey is not None and not stopped:
-            return memory.journey.path
+        if memory is not None and memory.journey is not None and not isinstance(decision, Stop):
+            return [memory.journey.path]
         if name not in self._poses:
-            return None
-        return TimedPath(time, self.settings.interval, self._poses[name].position[None])
+            return []
+        places, ways = self._poses[name].position[None], []
+        given, interval = self._given.get(name), self.settings.interval
+        if given is not None and _is_silent(decision):
+            until, path = given.certificate.valid_until, given.path
+            ways = [up_to(path, until)] if time < until else []
+            passed = np.arange(self._states[name].stamp, min(time, until) + path.step, path.step)
+            places = np.vstack((places, path.positions_at(np.minimum(passed, until))[:, :2]))
+        return [*ways, *(TimedPath(time, interval, place[None]) for place in np.unique(places, axis=0))]
 
     def _settle(self, time: float, scene: TrackedScene, decided: dict[str, PlannedPath | Stop]) -> None:
         """Stop robots whose windows no longer agree with what others decided after them, until all agree."""
@@ -370,6 +378,11 @@ class GlobalNavigator:
                 text = f"robot {name} waits: {verdict.reason}"
                 decided[name] = Stop(name, StopReason.BLOCKED_BY_ROBOT, text)
                 changed = True
+
+
+def _is_silent(decision: PlannedPath | Stop | None) -> bool:
+    """Whether a robot got no path because nothing is heard of it: it may still follow its last one."""
+    return isinstance(decision, Stop) and decision.reason is StopReason.NO_STATE
 
 
 def _is_over(journey: Journey | None, time: float) -> bool:

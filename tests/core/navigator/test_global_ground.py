@@ -71,13 +71,16 @@ class Drive:
 
     def decide(self, goals: dict[str, tuple[float, float]], *bodies: MovingObstacle) -> StepResult:
         result = self.navigator.step(self.time, seen(self.time, *bodies), self.states(), goals)
+        self.tell(result)
+        return result
+
+    def tell(self, result: StepResult) -> None:
         for name, decision in result.decisions.items():
             if isinstance(decision, PlannedPath):
                 until = decision.certificate.valid_until
                 self.trackers[name].set_path(decision.path, self.poses[name].heading, until)
             else:
                 self.trackers[name].set_path(None)
-        return result
 
     def move(self, ticks: int = round(DELTA / PERIOD)) -> None:
         for _ in range(ticks):
@@ -285,6 +288,25 @@ def test_two_robots_that_would_meet_keep_their_distance_and_arrive() -> None:
     assert reasons == {StopReason.ARRIVED}
     assert min(gaps) >= 0.6
     assert drive.navigator.plans == {}
+
+
+@pytest.mark.parametrize("order", [("first", "second"), ("second", "first")])
+def test_a_robot_that_stopped_when_it_was_not_heard_of_any_more_is_not_run_into(
+    order: tuple[str, str],
+) -> None:
+    """It was told to stop, and did, later than where it was measured last and short of its path."""
+    for lost in np.arange(3.6, 5.5, 0.3):
+        poses = {"first": Pose2D(0.0, 0.0, 0.0), "second": Pose2D(4.0, -2.5, 0.5 * math.pi)}
+        drive = Drive([replace(ROBOT, id=name, max_turn_rate=2.5) for name in order], poses)
+        for _ in range(35):
+            states = {
+                name: one for name, one in drive.states().items() if name == "first" or drive.time < lost
+            }
+            drive.tell(drive.navigator.step(drive.time, seen(drive.time), states, CROSSING))
+            for _ in range(6):
+                drive.move(1)
+                a, b = drive.poses.values()
+                assert math.dist((a.x, a.y), (b.x, b.y)) >= 0.6
 
 
 def test_the_first_robot_goes_straight_and_the_second_around() -> None:
