@@ -119,10 +119,18 @@ class ManagedNode(LifecycleNode, ABC):
     def listen(
         self, kind: Any, topic: str, callback: Callable[[Any], None], qos: QoSProfile
     ) -> Callable[[], object]:
-        """Hear a topic until the node is deactivated; return what ends it before."""
-        subscription = self.create_subscription(kind, topic, self._while_active(callback), qos)
+        """Hear a topic until the node is deactivated; return what ends it before, also for what the executor holds."""
+        hear, ended = self._while_active(callback), False
+
+        def call(message: Any) -> None:
+            if not ended:
+                hear(message)
+
+        subscription = self.create_subscription(kind, topic, call, qos)
 
         def end() -> None:
+            nonlocal ended
+            ended = True
             if end in self._halt:
                 self._halt.remove(end)
             self.destroy_subscription(subscription)
