@@ -200,6 +200,10 @@ class DecidingNode(ManagedNode):
 
     def _leave(self, name: str) -> None:
         self._robots_of.remove_robot(name)
+        if not self.lockstep and self.serves(name):
+            # Somebody else may have taken it out while it was given a path, on which nobody reckons with it any more.
+            stop = Stop(name, StopReason.NO_GOAL, f"robot {name} left the workspace")
+            self._ports[name].publish(stop, now_of(self))
         self._ports[name].close()
         for known in (self._states, self._odometry, self._goals, self._goal_messages, self._goal_stamps):
             known.pop(name, None)

@@ -157,6 +157,11 @@ class PlannerNode(DecidingNode):
                 self.read_again()
             area = self._crew.area(message, _AREA)
             self.check_ahead(_AREA, stamp)
+            if stamp < self._area_stamp and not self.lockstep:
+                raise InvalidInput(
+                    f"{_AREA}: stamped {seconds(stamp):.3f} s, after one stamped {seconds(self._area_stamp):.3f} s; is "
+                    "there another fusion node?"
+                )
         except InvalidInput as error:
             self.complain(_AREA, error)
             return
@@ -165,8 +170,9 @@ class PlannerNode(DecidingNode):
         if self._participant is not None:
             self.go_on()
         elif self._fellows is not None:
-            self._due = stamp, area
-            self._on_promise()
+            if stamp > self._decided:  # others count on one word for each instant
+                self._due = stamp, area
+                self._on_promise()
         elif not self._watch_area():
             # Whoever was measured after the area held passes the points of its path later by as much.
             newest = max([stamp, *(when for when, _ in self._states.values())])
@@ -218,6 +224,7 @@ class PlannerNode(DecidingNode):
     def _hold(self, instant: int, why: str) -> None:
         """Issue nothing at an instant [ns]: robots go on to the ends of their windows."""
         assert self._fellows is not None
+        self._decided = instant
         self._fellows.say(instant, (), {})
         if "planners" not in self._problems:
             self.get_logger().warning(f"no new paths: {why}")

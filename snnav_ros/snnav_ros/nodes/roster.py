@@ -11,14 +11,23 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from snnav_core.errors import InvalidInput
 from snnav_core.types import RobotSpec
 from snnav_ros.casting import planned_robots
-from snnav_ros.convert import Announcement, announcement_from_message, announcement_to_message, nanoseconds
+from snnav_ros.convert import (
+    Announcement,
+    announcement_from_message,
+    announcement_to_message,
+    nanoseconds,
+    seconds,
+)
 from snnav_ros.nodes.base import ManagedNode
+from snnav_ros.nodes.node_time import has_time, now_of
 from snnav_ros.qos import INBOX, LATCHED, for_mode
 from snnav_sim.scene import AnyScene
 
 __all__ = ["ROBOTS_TOPIC", "Roster"]
 
 ROBOTS_TOPIC = "robots"
+
+_AHEAD = 10**9  # [ns] by which clocks of robots may differ
 
 
 class Roster:
@@ -148,7 +157,17 @@ class Roster:
         name, spec, log = announcement.id, announcement.spec, self._node.get_logger()
         if announcement.stamp < self._stamps.get(name, -1):
             return  # kept for those who come late, and overtaken by now
-        self._stamps[name] = announcement.stamp
+        latest = math.inf
+        if not self._node.lockstep and has_time(self._node):
+            latest = now_of(self._node) + _AHEAD
+        if spec is None and announcement.stamp > latest:
+            ahead = seconds(announcement.stamp - now_of(self._node))
+            log.warning(
+                f"robot {name} says that it leaves in {ahead:.1f} s; it counts as there, synchronise the clocks"
+            )
+            return
+        # Whoever joins is there, whatever its clock says; but what it says later must not seem older.
+        self._stamps[name] = int(min(announcement.stamp, latest))
         if spec is None:
             if name in self.present:
                 self._remove(name)

@@ -140,6 +140,30 @@ def test_who_has_heard_all_decides_at_once(graph: Any) -> None:
     assert (word.decided, word.stops, word.issue) == (("own",), (), 1)
 
 
+def test_an_area_that_is_older_or_comes_twice_is_not_decided_for(graph: Any) -> None:
+    """The others count on one word for each instant; a second one, or one gone back, would tell of other paths."""
+    site = Site(graph, first=False)
+    assert [site.cycle(stamp) for stamp in (1.0, 2.0)] == [True, True]
+    for stamp in (2.0, 1.5):
+        site.area.publish(area_to_message(UnoccupiedArea(stamp, HALL)))
+        graph.work(0.2)
+    site.at(2.9)
+    graph.work(0.3)
+    assert [word.stamp for word in site.own_words()] == [SECOND, 2 * SECOND]
+    assert len(site.paths) == 2
+    assert "is there another fusion node?" in site.node._problems["unoccupied_area"]
+    assert site.cycle(3.0)
+
+
+def test_a_promise_that_the_executor_still_holds_when_its_robot_leaves_is_dropped(graph: Any) -> None:
+    site = Site(graph, first=False)
+    (hears,) = (one for one in site.node.subscriptions if one.topic_name == "/other/path")
+    hear = hears.callback
+    site.node.robot_left("other")
+    hear(stop_to_path(SECOND))
+    assert "other" not in site.node._fellows._heard
+
+
 def test_the_first_one_goes_by_the_last_words_of_those_after_it(graph: Any) -> None:
     site = Site(graph, first=True)
     assert not site.cycle(1.0), "nobody knows what was promised before"

@@ -103,6 +103,43 @@ def test_words_that_are_older_than_the_last_one_do_not_count(graph: Any) -> None
     site.until_there("other")
 
 
+def test_who_is_said_to_leave_in_the_future_is_there(graph: Any, capfd: pytest.CaptureFixture[str]) -> None:
+    site = Site(graph)
+    site.announce(SECOND)
+    site.until_there("cart")
+    site.step(2 * SECOND)
+    site.announce(1000 * SECOND, None)
+    site.announce(2 * SECOND, replace(CART, id="other"), "other")
+    site.until_there("cart", "other")
+    assert "leaves in 998.0 s; it counts as there, synchronise the clocks" in capfd.readouterr().err
+    site.announce(3 * SECOND, None)
+    site.until_there("other")
+
+
+def test_who_joins_with_a_stamp_of_the_future_may_leave(graph: Any) -> None:
+    site = Site(graph)
+    site.clock.publish(Clock(clock=stamp_message(2 * SECOND)))
+    graph.until(lambda: site.node.get_clock().now().nanoseconds == 2 * SECOND)
+    site.announce(1000 * SECOND)
+    site.until_there("cart")
+    site.announce(3 * SECOND, None)
+    site.until_there()
+
+
+def test_who_left_by_the_word_of_another_planner_is_stopped(graph: Any) -> None:
+    """That one stopped it as well, but this one may have given it a path in the meantime."""
+    site = Site(graph)
+    site.announce(SECOND)
+    site.until_there("cart")
+    site.drive_to(10.0, 3.0)
+    assert site.step(2 * SECOND).certificate.accepted
+    assert site.paths[-1].poses
+    site.announce(2 * SECOND, None)
+    site.until_there()
+    graph.until(lambda: not site.paths[-1].poses, "a stop")
+    assert site.paths[-1].header.stamp == stamp_message(2 * SECOND)
+
+
 def test_a_robot_is_taken_out_by_a_service_and_all_are_told(graph: Any) -> None:
     site = Site(graph)
     said = graph.hear(DiagnosticStatus, "robots", INBOX)
