@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from snnav_core.types import FloatArray
 from snnav_sim.report.coverage import Coverage
 from snnav_sim.report.drawing import SEEN, SOLID, UNSEEN, robot_colour
 from snnav_sim.space_types import SpaceScene
@@ -21,18 +22,18 @@ _COMPONENTS = ("#6fa8d6", "#9ad0a0", "#e6c86e", "#c9a0d0")
 _REST = "#e3a58f"
 _DPI = 110
 _CUTS = 4
-_NEAR = 0.6  # [m]; starts and targets within this height of a cut are shown in it
 
 
 def draw_coverage(scene: SpaceScene, coverage: Coverage, file: Path) -> None:
     """Draw cuts at four heights as a PNG: solid, unseen, seen, and where a robot may stay, by component."""
     low, high = np.array(scene.low), np.array(scene.high)
-    heights = low[2] + (np.arange(_CUTS) + 0.5) * (high[2] - low[2]) / _CUTS
+    heights: FloatArray = low[2] + (np.arange(_CUTS) + 0.5) * (high[2] - low[2]) / _CUTS
     shape = (high[1] - low[1]) / (high[0] - low[0])
     figure = Figure(figsize=(3.6 * _CUTS, 3.6 * shape + 1.3), layout="constrained")
     for index, height in enumerate(heights.tolist()):
         axes = figure.add_subplot(1, _CUTS, index + 1)
         _draw_cut(axes, scene, coverage, height)
+        _draw_marks(axes, scene, heights, index)
         axes.set_title(f"z = {height:.2f} m", fontsize=9)
         if index == 0:
             axes.set_ylabel("y [m]")
@@ -76,10 +77,14 @@ def _draw_cut(axes: Axes, scene: SpaceScene, coverage: Coverage, height: float) 
                 interpolation="nearest")  # fmt: skip
     for sensor in scene.sensors:
         axes.plot(sensor.position[0], sensor.position[1], "s", color="black", markersize=3)
-    for number, robot in enumerate(scene.robots):
-        for point, marker, size in ((robot.start, "o", 6), (robot.target, "*", 10)):
-            if abs(point[2] - height) <= _NEAR:
-                axes.plot(point[0], point[1], marker, color=robot_colour(number), markersize=size,
-                          markeredgecolor="white", markeredgewidth=0.6)  # fmt: skip
     axes.set_xlabel("x [m]")
     axes.tick_params(labelsize=7)
+
+
+def _draw_marks(axes: Axes, scene: SpaceScene, heights: FloatArray, index: int) -> None:
+    """Draw starts and targets in the cut that is nearest in height."""
+    for number, robot in enumerate(scene.robots):
+        for point, marker, size in ((robot.start, "o", 6), (robot.target, "*", 10)):
+            if int(np.abs(heights - point[2]).argmin()) == index:
+                axes.plot(point[0], point[1], marker, color=robot_colour(number), markersize=size,
+                          markeredgecolor="white", markeredgewidth=0.6)  # fmt: skip

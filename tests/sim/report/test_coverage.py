@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
+from matplotlib.axes import Axes
 
 from snnav_sim.report.coverage import Coverage, measure_coverage
 from snnav_sim.report.coverage_figure import draw_coverage
@@ -50,3 +53,22 @@ def test_what_is_missing_is_named() -> None:
 def test_cuts_are_drawn(tmp_path: Path) -> None:
     draw_coverage(scene(), whole(), tmp_path / "cuts.png")
     assert (tmp_path / "cuts.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("height", [0.4, 1.2, 1.5, 2.3, 2.9])
+def test_every_target_is_drawn_in_one_cut(
+    height: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[Any] = []
+    plot = Axes.plot
+
+    def note(self: Axes, *arguments: Any, **options: Any) -> Any:
+        drawn.append(arguments[2])
+        return plot(self, *arguments, **options)
+
+    monkeypatch.setattr(Axes, "plot", note)
+    robot = replace(scene().robots[0], target=(5.4, 2.6, height))
+    tall = replace(scene(), robots=(robot,), high=(*scene().high[:2], 3.0 * scene().high[2]))
+    draw_coverage(tall, whole(), tmp_path / "cuts.png")
+    assert drawn.count("*") == 1
+    assert drawn.count("o") == 1
