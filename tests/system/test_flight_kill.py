@@ -97,15 +97,18 @@ class Site(ProcessSite):
                 self._goals.publish(goal_at(*self.goal))
 
     def until_it_flies(self) -> None:
-        """Wait until it has flown half a metre and its target lies beyond its time window."""
+        """Wait until it has flown half a metre towards a target that lies beyond its time window."""
         self.until(lambda: bool(self.rows), "odometry")
-        begin = self.rows[-1][1:4]
-        self.until(
-            lambda: (
-                math.dist(begin, self.rows[-1][1:4]) > 0.5 and math.dist(self.goal, self.rows[-1][1:4]) > AWAY
-            ),
-            "a robot that flies and is not about to arrive",
-        )
+        begin, goal = self.rows[-1][1:4], self.goal
+
+        def flies() -> bool:
+            nonlocal begin, goal
+            here = self.rows[-1][1:4]
+            if goal != self.goal:  # it has just arrived, and hovers anyway
+                begin, goal = here, self.goal
+            return math.dist(begin, here) > 0.5 and math.dist(goal, here) > AWAY
+
+        self.until(flies, "a robot that flies and is not about to arrive")
 
     def until_it_hovers(self) -> None:
         self.until(lambda: self.time - self.moved_at > STILL, "a robot that hovers")
@@ -128,7 +131,7 @@ def kill_and_restart(site: Site, kind: str) -> tuple[float, float]:
     reasons = {stop.reason for stop in site.stops[said:]} - {StopReason.ARRIVED}
     if kind == "planner":
         assert not reasons
-        assert site.moved_at <= max(end for _, end in site.windows)
+        assert site.moved_at <= max(end for _, end in site.windows) + 1e-6
         site.until_said("the certificate ended at")
     else:
         assert reasons, "the robot was told to stop"
