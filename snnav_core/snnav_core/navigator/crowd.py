@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from types import MappingProxyType
 
@@ -17,7 +18,7 @@ from snnav_core.planning.separation import OtherRobot, Traffic, stops_within
 from snnav_core.planning.separation_kernel import are_near, sample
 from snnav_core.types import FloatArray, HeardPath, Pose2D, RobotSpec, RobotState, TimedPath
 
-__all__ = ["Cast", "Crowd", "Turns", "possible_paths"]
+__all__ = ["Cast", "Crowd", "Turns", "believed", "possible_paths"]
 
 _LONGEST_WAIT = 6  # steps that a robot waits at most for its turn to seek a way
 _SLACK = 1.0  # [m]; farther than this an adjustment does not move a path
@@ -226,6 +227,23 @@ class Cast:
         """Note that something was decided for a robot: it may be elsewhere than was known up to now."""
         for known in self._ways.values():
             known.pop(name, None)
+
+
+def believed(
+    promise: HeardPath, last: HeardPath | None, state: RobotState | None, time: float, interval: float
+) -> HeardPath:
+    """What another navigator promises at a time [s]; of a robot that was stopped unseen its last path counts.
+
+    Nobody knows where on it the robot stands until it is measured again; nor, if it was not measured for an interval
+    [s] even before, whether it heard that it shall.
+    """
+    if promise.path is not None or last is None:
+        return promise
+    measured = -math.inf if state is None else state.stamp
+    until = last.valid_until if time - measured > interval + TIME_TOLERANCE else min(last.valid_until, time)
+    return (
+        promise if measured >= until - TIME_TOLERANCE else replace(promise, path=last.path, valid_until=until)
+    )
 
 
 def possible_paths(

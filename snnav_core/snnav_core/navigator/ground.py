@@ -13,7 +13,7 @@ from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.errors import InvalidInput
 from snnav_core.navigator.attempt import Attempt
 from snnav_core.navigator.context import AreaContext, aged
-from snnav_core.navigator.crowd import Cast, Turns, possible_paths
+from snnav_core.navigator.crowd import Cast, Turns, believed, possible_paths
 from snnav_core.navigator.explain import Explainer
 from snnav_core.navigator.forecast import Trend
 from snnav_core.navigator.parties import last_decisions, party_of
@@ -101,7 +101,7 @@ class GroundNavigator:
 
     def remove_robot(self, robot_id: str) -> None:
         """Forget a robot that was taken out of the workspace; a name that is not known is no fault."""
-        for known in (self.robots, self._distances, self._memory, self._states):
+        for known in (self.robots, self._distances, self._memory, self._states, self._promised):
             known.pop(robot_id, None)
         self._explainer.forget(robot_id)
         self._right_of_way.remove(robot_id)
@@ -117,6 +117,7 @@ class GroundNavigator:
         self._trend = Trend(self.settings)
         self._changed = True
         self._heard: dict[str, HeardPath] = {}
+        self._promised: dict[str, HeardPath] = {}  # the same without those who were stopped here
         self._decisions: dict[str, PlannedPath | Stop] = {}
         self._goals: Mapping[str, tuple[float, float]] = {}
         self._cast = Cast()
@@ -232,7 +233,13 @@ class GroundNavigator:
     def _hear(self, heard: Mapping[str, HeardPath], goals: Mapping[str, tuple[float, float]]) -> None:
         """Keep what others promised, and forget the paths of own robots that others stopped."""
         self._goals, served = goals, set(self.served)
-        self._heard = {name: promise for name, promise in heard.items() if name not in served}
+        last, states, interval = self._promised, self._states, self.settings.sampling_interval
+        self._promised = {
+            name: believed(promise, last.get(name), states.get(name), self._time, interval)
+            for name, promise in heard.items()
+            if name not in served
+        }
+        self._heard = dict(self._promised)
         for name in served & heard.keys():
             if heard[name].path is None and name in self._memory:
                 self._memory[name] = replace(self._memory[name], plan=None)
@@ -305,20 +312,8 @@ class GroundNavigator:
         if memory is None or memory.goal != goal:
             memory = RobotMemory(goal, np.array(goal, dtype=np.float64))
         position, distances = pose.position, self._distances[robot.id]
-        attempt = Attempt(
-            context,
-            robot,
-            pose,
-            memory.target,
-            time,
-            others,
-            distances,
-            self.settings,
-            distances.least,
-            self._trend.previous,
-            self._trend.forecast,
-            self._turns,
-        )
+        known = (context, robot, pose, memory.target, time, others, distances, self.settings, distances.least)
+        attempt = Attempt(*known, self._trend.previous, self._trend.forecast, self._turns)
         if context.area.is_empty:
             message = f"nothing is known to be free by the area stamped {context.area.stamp:.2f} s; check the sensors"
             return self._explainer.explain(Stop(robot.id, StopReason.NO_AREA, message), attempt, goal)

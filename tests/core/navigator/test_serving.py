@@ -101,6 +101,27 @@ def test_navigators_that_share_the_robots_keep_them_apart_and_arrive(parts: list
         assert np.linalg.norm(positions[name][-1] - goal) < 0.3
 
 
+@pytest.mark.parametrize("parts", [["a", "b"], ["b", "a"]])
+@pytest.mark.parametrize("lost", [4.0, 4.5, 5.5])
+@pytest.mark.parametrize(
+    ("start", "goal"), [((5.2, 6.0, 0.0), (17.0, 6.0)), ((8.0, 3.5, math.pi / 2), (8.0, 10.0))]
+)
+def test_a_robot_that_its_navigator_stopped_unseen_is_not_run_into(
+    parts: list[str], lost: float, start: tuple[float, float, float], goal: tuple[float, float]
+) -> None:
+    """It obeys, and stands where nobody has measured it."""
+    poses = {"a": Pose2D(4.0, 6.0, 0.0), "b": Pose2D(*start)}
+    fleet, team = Fleet({name: spec(name) for name in poses}, poses), Team("ab", parts)
+    for tick in range(round(12.0 / CONTROL_PERIOD)):
+        time = round(CONTROL_PERIOD * tick, 9)
+        if tick % 10 == 0:
+            seen = {name: one for name, one in fleet.states(time).items() if name == "a" or time < lost}
+            fleet.tell(team.step(time, seen, {"a": (15.0, 6.0), "b": goal}, {0, 1}))
+        fleet.move(time)
+        gap = np.linalg.norm(fleet.poses["a"].position - fleet.poses["b"].position)
+        assert gap >= APART - 1e-6
+
+
 @pytest.mark.parametrize(("silent", "begin"), [(0, 5.0), (1, 7.0)])
 def test_a_navigator_that_falls_silent_endangers_nobody(silent: int, begin: float) -> None:
     """Its robots go on to the end of their windows; they go on to their targets when it is back."""
