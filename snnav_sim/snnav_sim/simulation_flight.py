@@ -96,7 +96,7 @@ class FlightSimulation(ClosedLoop[SpaceScene, FlightRecord]):
         begin = clock.perf_counter()
         area = self._fuse(time, images)
         fused = clock.perf_counter()
-        states = {name: flyer.base.state for name, flyer in self._flyers.items() if name in self._goals}
+        states = {name: flyer.state(time) for name, flyer in self._flyers.items() if name in self._goals}
         result = self.navigator.step(time, area, states, self._goals)
         self.record.fusion_seconds.append(fused - begin)
         self.record.planner_seconds.append(clock.perf_counter() - fused)

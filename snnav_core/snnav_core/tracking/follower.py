@@ -14,7 +14,7 @@ from snnav_core.types import RobotSpec, TimedPath
 
 __all__ = ["PathFollower", "check_law"]
 
-_TIME_TOLERANCE = 1e-9  # [s]
+_TIME_TOLERANCE = 1e-6  # [s]
 _AT_END = 0.02  # share of the way of a control period that is no way any more
 _WINDOW_LINKS = 2.0  # the closest point is sought so many (longest) links around the last one
 

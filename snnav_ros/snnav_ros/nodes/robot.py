@@ -27,7 +27,7 @@ from snnav_ros.scenes import read_scene
 
 __all__ = ["RobotNode", "RobotParameters"]
 
-_TIME_TOLERANCE = 1e-9  # [s]
+_TIME_TOLERANCE = 1e-6  # [s]
 
 
 class RobotNode(ManagedNode):
