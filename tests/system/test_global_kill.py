@@ -83,13 +83,18 @@ class Site(ProcessSite):
             self._goals.publish(goal_at(*self.goal))
 
     def until_it_drives(self) -> None:
-        """Wait until it has driven half a metre and its target lies beyond its time window."""
+        """Wait until it has driven half a metre towards a target that lies beyond its time window."""
         self.until(lambda: bool(self.rows), "odometry")
-        begin = self.rows[-1][1]
-        self.until(
-            lambda: abs(self.rows[-1][1] - begin) > 0.5 and abs(self.rows[-1][1] - self.goal[0]) > AWAY,
-            "a robot that drives and is not about to arrive",
-        )
+        begin, goal = self.rows[-1][1], self.goal
+
+        def drives() -> bool:
+            nonlocal begin, goal
+            here = self.rows[-1][1]
+            if goal != self.goal:  # it has just arrived, and stands anyway
+                begin, goal = here, self.goal
+            return abs(here - begin) > 0.5 and abs(here - goal[0]) > AWAY
+
+        self.until(drives, "a robot that drives and is not about to arrive")
 
     def pass_time(self, duration: float) -> None:
         end = self.time + duration
