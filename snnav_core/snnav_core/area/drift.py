@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,10 +12,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from snnav_core.area.faces import face_information
 from snnav_core.area.silhouette import PassingBeams, narrow_velocity, velocity_limits
 from snnav_core.types import FloatArray
 
-__all__ = ["BodySample", "Drift", "fit_drift"]
+__all__ = ["BodySample", "Drift", "fit_drift", "overlap"]
 
 _MOST_POINTS = 48  # of one sample that take part in a fit
 _GATES = (0.3, 0.15, 0.08, 0.08, 0.08)  # [m]; hits farther apart show different places of the body
@@ -23,7 +25,10 @@ _ROUNDS = 3  # of silhouettes and surfaces in turn
 _SAME_SIDE = 0.7  # cosine between the normals of hits on one place
 _ROBUST = 4.0  # in deviations of a range: residuals beyond count little
 _RIGID = 0.5  # share of hits that lie over others in a body that does not change its shape
-_FEW_HITS = 12  # in a sample, below which normals are rare and do not tell whether a body keeps its shape
+_SEARCHED, _STEP = 1.0, 0.1  # [m/s] velocities around that of the middle that are looked at, if that fails
+_SEARCHED_POINTS = 12  # of one sample that take part in that
+_WIDE = 0.15  # [m]
+_LEAST_KNOWN = 0.25  # share of the hits that at least has to lie over others, where normals are rare
 _LEANING = 3.0  # times the noise of normals is not taken for a shape
 _LAGGING = 0.5  # share of the speed of its middle: what is slower is the leg on which somebody stands
 _ANY_SPEED = 1.0  # [m/s]; deviation of a velocity of which nothing is known
@@ -146,20 +151,16 @@ def fit_drift(samples: Sequence[BodySample], range_noise: float, guess: FloatArr
     -------
     Drift
     """
-    thin = [sample.thinned() for sample in samples]
-    hits = _Hits(
-        np.concatenate([sample.points for sample in thin]),
-        np.concatenate([sample.normals for sample in thin]),
-        np.concatenate([sample.baselines for sample in thin]),
-        np.concatenate([sample.times for sample in thin]),
-        np.concatenate(([0], np.cumsum([len(sample.points) for sample in thin]))),
-    )
+    hits = _hits_of(samples)
     known, pull = _middle_information(samples)
     middle: FloatArray = np.asarray(np.linalg.solve(known, pull))
-    outlined = _fit_outline(samples, hits, range_noise, known, middle if guess is None else guess)
+    start = middle if guess is None else guess
+    outlined = _fit_outline(samples, hits, range_noise, known, start)
+    if outlined is None:  # what was hidden at first has its middle elsewhere
+        outlined = _fit_outline(samples, hits, range_noise, 1e-6 * np.eye(2), _search(hits, start))
     if outlined is not None:
         return outlined
-    best = _follow(hits, known, pull, middle if guess is None else guess, range_noise)
+    best = _follow(hits, known, pull, start, range_noise)
     if guess is not None and best.agreement < _RIGID:
         best = max(best, _follow(hits, known, pull, middle, range_noise), key=lambda found: found.agreement)
     lags = float(np.hypot(*best.velocity)) < _LAGGING * float(np.hypot(*middle))
@@ -172,21 +173,35 @@ def fit_drift(samples: Sequence[BodySample], range_noise: float, guess: FloatArr
     return Drift(velocity, covariance, best.agreement)
 
 
+def overlap(samples: Sequence[BodySample], velocity: FloatArray, range_noise: float) -> float:
+    """Share of the hits on a body that lie over others when a velocity (2,) [m/s] is undone."""
+    hits = _hits_of(samples)
+    weight = _lay_over(
+        hits.points,
+        hits.normals,
+        hits.baselines,
+        hits.times,
+        hits.offsets,
+        velocity,
+        _GATES[-1],
+        _ROBUST * range_noise,
+    )[6]
+    return min(1.0, float(weight) / hits.pairs)
+
+
 def _fit_outline(
     samples: Sequence[BodySample], hits: _Hits, range_noise: float, known: FloatArray, start: FloatArray
 ) -> Drift | None:
     """Velocity of a body that keeps its shape: its surfaces, and where its silhouettes end; None for another one."""
     points = np.concatenate([sample.points for sample in samples])
     times = np.concatenate([sample.times for sample in samples])
-    beams = points - np.concatenate([sample.origins for sample in samples])
-    beams /= np.hypot(*beams.T)[:, None]
+    beams = np.concatenate([_beams(sample) for sample in samples])
     passing = [sample.passing.past(sample.points) for sample in samples]
     passed = functools.reduce(PassingBeams.joined, passing)
     limits = velocity_limits(passed, points, times, beams, range_noise)
     weak = np.eye(2) / _ANY_SPEED**2
     match = _follow(hits, known, known @ start, start, range_noise, leaning_share=_LEANING)
     information, pull = match.information, match.pull
-    with_normal = float(hits.normals.any(axis=1).mean())
     for _ in range(_ROUNDS):
         covariance: FloatArray = np.asarray(np.linalg.inv(information + weak))
         found = narrow_velocity(limits, covariance @ pull, covariance)
@@ -196,21 +211,80 @@ def _fit_outline(
         known = np.asarray(np.linalg.inv(spread))
         match = _follow(hits, known, known @ velocity, velocity, range_noise, _NEAR_GATES, _LEANING)
         information, pull = match.information, match.pull
-    few = len(points) < _FEW_HITS * len(samples)
-    if match.agreement < (_RIGID * with_normal**2 if few else _RIGID):
+        by_faces = face_information(hits.points, hits.normals, hits.beams, hits.times, velocity, range_noise)
+        if _least(by_faces[0]) > _least(information):
+            information, pull = by_faces
+    if match.agreement < _RIGID:
         return None
     return Drift(velocity, spread, match.agreement)
 
 
+def _beams(sample: BodySample) -> FloatArray:
+    """Unit vectors of the beams (n, 2)."""
+    beams: FloatArray = sample.points - sample.origins
+    return beams / np.hypot(*beams.T)[:, None]
+
+
+def _least(information: FloatArray) -> float:
+    """What is known in the direction in which least is."""
+    return float(np.linalg.eigvalsh(information)[0])
+
+
 @dataclass(frozen=True)
 class _Hits:
-    """Hits of all samples one after the other, and where those of each sample begin."""
+    """Hits of all samples one after the other, where those of each sample begin, and how many may lie over others."""
 
     points: FloatArray
     normals: FloatArray
     baselines: FloatArray
+    beams: FloatArray
     times: FloatArray
     offsets: NDArray[np.int64]
+    pairs: float
+
+
+def _hits_of(samples: Sequence[BodySample]) -> _Hits:
+    thin = [sample.thinned() for sample in samples]
+    return _Hits(
+        np.concatenate([sample.points for sample in thin]),
+        np.concatenate([sample.normals for sample in thin]),
+        np.concatenate([sample.baselines for sample in thin]),
+        np.concatenate([_beams(sample) for sample in thin]),
+        np.concatenate([sample.times for sample in thin]),
+        np.concatenate(([0], np.cumsum([len(sample.points) for sample in thin]))),
+        _pairs(thin),
+    )
+
+
+def _pairs(samples: Sequence[BodySample]) -> float:
+    """Number of pairs of hits with normals that would lie over each other if every sensor had seen the same each time.
+
+    What a sensor saw of a body at one time but not at another is no sign of another shape.
+    """
+    sensors = 1 + max(int(sample.sensors.max()) for sample in samples)
+    every, useful = (
+        np.stack([np.bincount(part, minlength=sensors) for part in parts])
+        for parts in (
+            [sample.sensors for sample in samples],
+            [sample.sensors[sample.normals.any(axis=1)] for sample in samples],
+        )
+    )
+    common, known = (float(np.minimum(n[:, None], n[None]).sum() - n.sum()) for n in (every, useful))
+    return max(1.0, 0.5 * known, 0.5 * _LEAST_KNOWN * common)
+
+
+def _search(hits: _Hits, around: FloatArray) -> FloatArray:
+    """Velocity (2,) [m/s] at which most hits lie over others, among many."""
+    kept = [
+        np.unique(np.linspace(low, high - 1, _SEARCHED_POINTS).astype(np.int64))
+        for low, high in itertools.pairwise(hits.offsets.tolist())
+        if high > low
+    ]
+    chosen = np.concatenate(kept)
+    offsets = np.concatenate(([0], np.cumsum([len(part) for part in kept])))
+    return np.asarray(
+        _densest(hits.points[chosen], hits.normals[chosen], hits.times[chosen], offsets, around)
+    )
 
 
 @dataclass(frozen=True)
@@ -234,7 +308,6 @@ def _follow(
 ) -> _Match:
     """Lay samples over each other, starting from a velocity."""
     samples = len(hits.offsets) - 1
-    most = 0.5 * len(hits.points) * (samples - 1)  # every hit over one of every other sample
     for gate in gates:
         equations = _lay_over(
             hits.points,
@@ -254,7 +327,7 @@ def _follow(
         )
         information, vector = scale * seen, scale * vector
         velocity = np.asarray(np.linalg.solve(known + information, pull + vector))
-    return _Match(velocity, information, vector, weight / most)
+    return _Match(velocity, information, vector, min(1.0, weight / hits.pairs))
 
 
 def _without_leaning(
@@ -293,6 +366,34 @@ def _middle_information(samples: Sequence[BodySample]) -> tuple[FloatArray, Floa
         information += np.eye(2) * spread / variance
         vector += spread * slope / variance
     return information, vector
+
+
+@numba.njit(cache=True, nogil=True)
+def _densest(points, normals, times, offsets, around):  # type: ignore[no-untyped-def]
+    """The velocity around another one at which most hits lie over those of other samples."""
+    groups, best, found = offsets.shape[0] - 1, -1.0, around.copy()
+    count = int(round(_SEARCHED / _STEP))
+    for a in range(-count, count + 1):
+        for b in range(-count, count + 1):
+            vx, vy, total = around[0] + a * _STEP, around[1] + b * _STEP, 0.0
+            for g in range(groups):
+                for i in range(offsets[g], offsets[g + 1]):
+                    for h in range(groups):
+                        nearest = _WIDE * _WIDE
+                        if h == g:
+                            continue
+                        for j in range(offsets[h], offsets[h + 1]):
+                            passed = times[j] - times[i]
+                            dx = points[j, 0] - points[i, 0] - vx * passed
+                            dy = points[j, 1] - points[i, 1] - vy * passed
+                            alike = normals[i, 0] * normals[j, 0] + normals[i, 1] * normals[j, 1]
+                            if alike > _SAME_SIDE:
+                                nearest = min(nearest, dx * dx + dy * dy)
+                        total += 1.0 - nearest / (_WIDE * _WIDE)
+            if total > best:
+                best = total
+                found[0], found[1] = vx, vy
+    return found
 
 
 @numba.njit(cache=True, nogil=True)

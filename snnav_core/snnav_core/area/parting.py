@@ -18,7 +18,7 @@ from snnav_core.types import FloatArray
 __all__ = ["Measurements"]
 
 _SAME_PLACE = 0.1  # [m]; so near to what stands nothing else has been
-_Frame = tuple[float, FusedReturns, NDArray[np.bool_]]
+_Frame = tuple[float, FusedReturns, NDArray[np.bool_], NDArray[np.int64]]
 
 
 class Measurements:
@@ -35,11 +35,13 @@ class Measurements:
         self._window = window
         self._frames: deque[_Frame] = deque()
 
-    def take(self, time: float, returns: FusedReturns, single: NDArray[np.bool_]) -> None:
-        """Add a measurement [s], with the hits that belong to nothing, shape (K,)."""
+    def take(
+        self, time: float, returns: FusedReturns, single: NDArray[np.bool_], bodies: NDArray[np.int64]
+    ) -> None:
+        """Add a measurement [s], with the hits that belong to nothing and the tracks of the others, shapes (K,)."""
         while self._frames and time - self._frames[0][0] > self._window:
             self._frames.popleft()
-        self._frames.append((time, returns, single))
+        self._frames.append((time, returns, single, bodies))
 
     def sample(self, own: NDArray[np.bool_]) -> BodySample:
         """Some hits (K,) of the latest measurement."""
@@ -71,7 +73,7 @@ def _existing(samples: Iterable[BodySample | None]) -> list[BodySample]:
 
 
 def _sample(frame: _Frame, own: NDArray[np.bool_]) -> BodySample:
-    time, returns, single = frame
+    time, returns, single, bodies = frame
     return BodySample(
         time,
         returns.points[own],
@@ -83,5 +85,5 @@ def _sample(frame: _Frame, own: NDArray[np.bool_]) -> BodySample:
         returns.ranges[own],
         returns.origins[returns.sensors[own]],
         returns.baselines[own],
-        passing_beams(returns, own, single),
+        passing_beams(returns, own, single, bodies),
     )

@@ -43,6 +43,8 @@ class PassingBeams:
         How far they reached [m].
     surfaces : ndarray of int, shape (E,)
         What they met, by numbers that hold for one measurement.
+    bodies : ndarray of int, shape (E,)
+        Number of the tracked body that they met, -1 for none.
     """
 
     origins: FloatArray
@@ -52,6 +54,7 @@ class PassingBeams:
     beams: NDArray[np.int64]
     ranges: FloatArray
     surfaces: NDArray[np.int64]
+    bodies: NDArray[np.int64]
 
     def part(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> PassingBeams:
         """Some of them."""
@@ -75,7 +78,9 @@ class PassingBeams:
         return self.part(outside[nearest])
 
 
-def passing_beams(returns: FusedReturns, own: NDArray[np.bool_], single: NDArray[np.bool_]) -> PassingBeams:
+def passing_beams(
+    returns: FusedReturns, own: NDArray[np.bool_], single: NDArray[np.bool_], bodies: NDArray[np.int64]
+) -> PassingBeams:
     """Find the beams that just passed a body.
 
     Parameters
@@ -85,6 +90,8 @@ def passing_beams(returns: FusedReturns, own: NDArray[np.bool_], single: NDArray
         The hits on the body.
     single : ndarray of bool, shape (K,)
         Hits that belong to nothing: on a face that a beam grazes they may be far from the next one, and on the body.
+    bodies : ndarray of int, shape (K,)
+        Number of the tracked body that each hit belongs to, -1 for none.
 
     Notes
     -----
@@ -94,7 +101,9 @@ def passing_beams(returns: FusedReturns, own: NDArray[np.bool_], single: NDArray
     hits, others = np.flatnonzero(own), np.flatnonzero(~own & ~single)
     if len(hits) == 0 or len(others) == 0:
         none = np.zeros(0, dtype=np.int64)
-        return PassingBeams(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), none, none, np.zeros(0), none)
+        return PassingBeams(
+            np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), none, none, np.zeros(0), none, none
+        )
     starts = np.flatnonzero(np.diff(returns.sensors[hits], prepend=-1) != 0)
     first, last = hits[starts], hits[np.append(starts[1:], len(hits)) - 1]
     inner = np.repeat(np.concatenate((first, last)), _NEXT)
@@ -121,6 +130,7 @@ def passing_beams(returns: FusedReturns, own: NDArray[np.bool_], single: NDArray
         returns.beams[outer],
         returns.ranges[outer],
         returns.surfaces[outer],
+        bodies[outer],
     )
 
 

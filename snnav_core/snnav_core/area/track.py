@@ -22,7 +22,7 @@ class Track:
 
     Parameters
     ----------
-    id : str
+    number : int
     samples : deque of BodySample
         Within the window, in the order of time.
     seen : float
@@ -36,13 +36,18 @@ class Track:
         Of the velocity of a body that stands [m/s]; inf while too little is known.
     """
 
-    id: str
+    number: int
     samples: deque[BodySample] = field(default_factory=deque)
     seen: float = -math.inf
     moving: bool = False
     found_moving: int = 0
     drift: Drift | None = None
     standing_deviation: float = math.inf
+
+    @property
+    def id(self) -> str:
+        """Its name."""
+        return f"body_{self.number}"
 
     @property
     def velocity(self) -> FloatArray:

@@ -12,7 +12,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
 from snnav_core.area.clusters import cluster_returns
-from snnav_core.area.drift import BodySample, fit_drift
+from snnav_core.area.drift import BodySample, fit_drift, overlap
 from snnav_core.area.explained import build_scene
 from snnav_core.area.overlay import intersection
 from snnav_core.area.parting import Measurements
@@ -33,6 +33,10 @@ _STAYS_MOVING = 0.5  # share of the confidence at which a body that moved counts
 _OVERSHOOT = 1.25  # times the top speed: an estimate may be above it
 _SAME_TIME = 1e-6  # [s]
 _SURELY_MOVING = 2  # times in a row that a body was found to move, before it goes on unseen
+_UNCERTAIN = (
+    0.5  # weight of a track whose motion is not known, beside that of one that is where it was expected
+)
+_GOES_ALONG = 0.5  # share of hits that lie over others when a motion is undone
 _STANDS_FOR = 0.5  # [s] for which beams have met the same where something stands beside a body
 
 
@@ -101,8 +105,10 @@ class ObstacleTracker:
             returns, self.settings.link_distance, labels, evidence, self.settings.leg_distance, apart, steady
         )
         single = np.bincount(clusters)[clusters] < self.settings.least_points if len(clusters) else fresh
-        self._measurements.take(time, returns, single)
         owners = self._match(clusters, labels, gaps, evidence, stands)
+        numbers = np.full(int(clusters.max(initial=-1)) + 1, -1)
+        numbers[list(owners)] = [track.number for track in owners.values()]
+        self._measurements.take(time, returns, single, numbers[clusters])
         for track in dict.fromkeys(owners.values()):
             own = np.isin(clusters, [cluster for cluster, owner in owners.items() if owner is track])
             track.seen = time
@@ -112,7 +118,7 @@ class ObstacleTracker:
                 if not track.moving:
                     self._measurements.part(track, returns.points[beside], keep=beside is own)
                 self._judge(track, int((own & evidence).sum()) + self._left(track))
-        self._join(area)
+        self._join(area, owners)
         for (
             track
         ) in self.tracks:  # beams that graze a wall meet it now and then: nothing is expected from one sight
@@ -160,11 +166,12 @@ class ObstacleTracker:
         still = np.bincount(clusters, weights=~stands) == 0.0 if len(clusters) else arrived
         votes = np.zeros((len(sizes), len(self.tracks)))
         known = labels >= 0
-        np.add.at(votes, (clusters[known], labels[known]), 1.0 - shares[known])
+        trust = np.array([1.0 if track.moving else _UNCERTAIN for track in self.tracks] + [0.0])
+        np.add.at(votes, (clusters[known], labels[known]), trust[labels[known]] * (1.0 - shares[known]))
         rows, columns = linear_sum_assignment(votes, maximize=True)
         tracks = list(self.tracks)
         owners = {int(r): tracks[c] for r, c in zip(rows, columns, strict=True) if votes[r, c] > 0.0}
-        self._absorb_legs(votes, tracks, owners)
+        self._absorb(votes, tracks, owners)
         for cluster in np.flatnonzero(sizes >= self.settings.least_points).tolist():
             if cluster in owners:
                 continue
@@ -178,7 +185,7 @@ class ObstacleTracker:
                 owners[cluster] = best
                 continue
             self._count += 1
-            owners[cluster] = Track(f"body_{self._count}")
+            owners[cluster] = Track(self._count)
             owner = next((key for key, track in owners.items() if track is best), -1)
             if (
                 best is not None
@@ -190,13 +197,15 @@ class ObstacleTracker:
             self.tracks.append(owners[cluster])
         return owners
 
-    def _absorb_legs(self, votes: FloatArray, tracks: list[Track], owners: dict[int, Track]) -> None:
-        """Make one of tracks whose hits are one cluster now, that of somebody who walks."""
+    def _absorb(self, votes: FloatArray, tracks: list[Track], owners: dict[int, Track]) -> None:
+        """Make one of tracks whose hits are one cluster now: legs, or parts of a body."""
         left = [track for track in tracks if track not in owners.values()]
         for track in left:
             column = votes[:, tracks.index(track)]
             owner = owners.get(int(column.argmax())) if column.any() else None
-            if owner is not None and owner.walks and (track.walks or not track.moving):
+            if owner is None or (track.moving and not (owner.walks and track.walks)):
+                continue
+            if owner.walks or (owner.moving and self._goes_along(owner, track, 1.0)):
                 owner.absorb(track)
                 self.tracks.remove(track)
 
@@ -235,7 +244,7 @@ class ObstacleTracker:
         track.found_moving = track.found_moving + 1 if track.moving else 0
 
     def _samples(self, track: Track) -> list[BodySample]:
-        """What a velocity is fitted to; only beams that met what stands tell that they passed the body."""
+        """What a velocity is fitted to; only beams that met what stands, or goes elsewhere, tell that they passed."""
         samples = track.chosen_samples()
         passing = [sample.passing for sample in samples]
         steady = self._sightings.steady(
@@ -243,28 +252,47 @@ class ObstacleTracker:
             np.concatenate([beams.beams for beams in passing]),
             np.concatenate([beams.ranges for beams in passing]),
         )
+        others = [other.number for other in self.tracks if self._go_apart(track, other)]
         borders = np.cumsum([len(beams.ends) for beams in passing])[:-1]
         return [
-            replace(sample, passing=beams.part(np.isin(beams.surfaces, beams.surfaces[stands])))
+            replace(
+                sample,
+                passing=beams.part(
+                    np.isin(beams.surfaces, beams.surfaces[stands]) | np.isin(beams.bodies, others)
+                ),
+            )
             for sample, beams, stands in zip(samples, passing, np.split(steady, borders), strict=True)
         ]
 
-    def _join(self, area: UnoccupiedArea) -> None:
-        """Make one of moving tracks that go the same way and have nothing free between them."""
-        moving = [track for track in self.tracks if track.moving and track.seen == self._time]
-        for index, track in enumerate(moving):
-            for other in moving[index + 1 :]:
+    def _join(self, area: UnoccupiedArea, owners: dict[int, Track]) -> None:
+        """Make one of tracks that go the same way and have nothing free between them."""
+        seen = [track for track in self.tracks if track.seen == self._time]
+        for track in (track for track in seen if track.moving):
+            for other in (other for other in seen if other is not track):
                 if track in self.tracks and other in self.tracks and self._are_one(track, other, area):
                     track.absorb(other)
                     self._judge(track, self.settings.least_evidence)
                     self.tracks.remove(other)
+                    owners.update((key, track) for key, owner in owners.items() if owner is other)
 
-    def _are_one(self, track: Track, other: Track, area: UnoccupiedArea) -> bool:
-        if track.drift is None or other.drift is None:
+    def _go_apart(self, track: Track, other: Track) -> bool:
+        """Whether both move, with velocities that certainly differ."""
+        if not (track.moving and other.moving) or track.drift is None or other.drift is None:
             return False
         apart = track.drift.velocity - other.drift.velocity
         doubt = track.drift.covariance + other.drift.covariance + self.settings.least_speed**2 * np.eye(2)
-        if float(apart @ np.linalg.solve(doubt, apart)) > _SAME_WAY**2:
+        return bool(apart @ np.linalg.solve(doubt, apart) > _SAME_WAY**2)
+
+    def _goes_along(self, track: Track, other: Track, ratio: float) -> bool:
+        """Whether what was seen too seldom to tell its motion goes with a body, so many times better than it stands."""
+        if track.walks or other.extent > self.settings.largest_body or len(other.samples) < 2:
+            return False
+        samples, noise = list(other.samples), self.settings.range_noise
+        along, resting = (overlap(samples, moved, noise) for moved in (track.velocity, np.zeros(2)))
+        return along >= max(_GOES_ALONG, ratio * resting)
+
+    def _are_one(self, track: Track, other: Track, area: UnoccupiedArea) -> bool:
+        if self._go_apart(track, other) or not (other.moving or self._goes_along(track, other, 2.0)):
             return False
         points = np.concatenate((track.samples[-1].points, other.samples[-1].points))
         if float(np.hypot(*np.ptp(points, axis=0))) > self.settings.largest_body:
