@@ -66,6 +66,12 @@ class BodySample:
     baselines: FloatArray
     passing: PassingBeams
 
+    @property
+    def beam_ways(self) -> FloatArray:
+        """Unit vectors of the beams (n, 2)."""
+        ways: FloatArray = self.points - self.origins
+        return ways / np.hypot(*ways.T)[:, None]
+
     def thinned(self) -> BodySample:
         """So few hits, evenly chosen, that fits stay cheap."""
         if len(self.points) <= _MOST_POINTS:
@@ -195,7 +201,7 @@ def _fit_outline(
     """Velocity of a body that keeps its shape: its surfaces, and where its silhouettes end; None for another one."""
     points = np.concatenate([sample.points for sample in samples])
     times = np.concatenate([sample.times for sample in samples])
-    beams = np.concatenate([_beams(sample) for sample in samples])
+    beams = np.concatenate([sample.beam_ways for sample in samples])
     passing = [sample.passing.past(sample.points) for sample in samples]
     passed = functools.reduce(PassingBeams.joined, passing)
     limits = velocity_limits(passed, points, times, beams, range_noise)
@@ -211,18 +217,15 @@ def _fit_outline(
         known = np.asarray(np.linalg.inv(spread))
         match = _follow(hits, known, known @ velocity, velocity, range_noise, _NEAR_GATES, _LEANING)
         information, pull = match.information, match.pull
-        by_faces = face_information(hits.points, hits.normals, hits.beams, hits.times, velocity, range_noise)
+        doubt = math.sqrt(float(np.linalg.eigvalsh(spread)[-1]))
+        by_faces = face_information(
+            hits.points, hits.normals, hits.beams, hits.times, velocity, range_noise, doubt
+        )
         if _least(by_faces[0]) > _least(information):
             information, pull = by_faces
     if match.agreement < _RIGID:
         return None
     return Drift(velocity, spread, match.agreement)
-
-
-def _beams(sample: BodySample) -> FloatArray:
-    """Unit vectors of the beams (n, 2)."""
-    beams: FloatArray = sample.points - sample.origins
-    return beams / np.hypot(*beams.T)[:, None]
 
 
 def _least(information: FloatArray) -> float:
@@ -249,7 +252,7 @@ def _hits_of(samples: Sequence[BodySample]) -> _Hits:
         np.concatenate([sample.points for sample in thin]),
         np.concatenate([sample.normals for sample in thin]),
         np.concatenate([sample.baselines for sample in thin]),
-        np.concatenate([_beams(sample) for sample in thin]),
+        np.concatenate([sample.beam_ways for sample in thin]),
         np.concatenate([sample.times for sample in thin]),
         np.concatenate(([0], np.cumsum([len(sample.points) for sample in thin]))),
         _pairs(thin),

@@ -6,13 +6,15 @@ import math
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from snnav_core.types import FloatArray
 
-__all__ = ["face_information"]
+__all__ = ["face_information", "on_faces"]
 
 _REACH = 0.6  # [m] from hit to hit on one face
 _OFF = 4.0  # deviations of a range by which a hit may lie off its face
+_MOST_BESIDE = 0.03  # [m]
 _FACING = 0.05  # cosine between the normal of a face and the way back to a sensor that sees it
 _LEAST_HITS = 4
 _LEAST_BASE = 4.0  # times the tolerance: nearer hits do not tell where a face leads
@@ -31,6 +33,7 @@ def face_information(
     times: FloatArray,
     velocity: FloatArray,
     range_noise: float,
+    deviation: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
     """What hits on faces tell of a velocity that is nearly known.
 
@@ -48,6 +51,8 @@ def face_information(
         Where it is sought [m/s].
     range_noise : float
         Standard deviation of a range [m].
+    deviation : float
+        Of the velocity, where it is sought [m/s]: by that hits of one face may lie beside each other.
 
     Returns
     -------
@@ -55,7 +60,8 @@ def face_information(
     """
     since = times - times.mean()
     laid = points - since[:, None] * velocity
-    numbers, ways = _grow_faces(laid, normals, beams, _OFF * range_noise)
+    tolerance = _OFF * range_noise + min(_MOST_BESIDE, deviation * float(since.std()))
+    numbers, ways = _grow_faces(laid, normals, beams, tolerance)
     information, pull = np.zeros((2, 2)), np.zeros(2)
     for face, way in enumerate(ways):
         own = numbers == face
@@ -65,6 +71,14 @@ def face_information(
             information += weight * np.outer(way, way)
             pull += weight * (speed + float(way @ velocity)) * way
     return information, pull
+
+
+def on_faces(
+    points: FloatArray, normals: FloatArray, beams: FloatArray, range_noise: float
+) -> NDArray[np.int64]:
+    """Number of the face that each hit (n, 2) on a body lies on, its motion undone; -1 for none."""
+    numbers, _ = _grow_faces(points, normals, beams, _OFF * range_noise)
+    return np.asarray(numbers, dtype=np.int64)
 
 
 def _told(

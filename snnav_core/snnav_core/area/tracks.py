@@ -28,7 +28,8 @@ __all__ = ["ObstacleTracker", "TrackedScene", "TrackerSettings"]
 
 _NEAR = 0.1  # [m]; a hit is where the body was expected
 _FRAGMENT = 0.5  # share of its hits that lie where a moving body is expected: a part of it
-_SAME_WAY = 2.0  # velocities that differ by less, in deviations, are the same
+_SAME_WAY = 3.0  # velocities that differ by less, in deviations, are the same
+_SAME_SPEED = 0.02  # [m/s] added to these deviations
 _STAYS_MOVING = 0.5  # share of the confidence at which a body that moved counts as moving still
 _OVERSHOOT = 1.25  # times the top speed: an estimate may be above it
 _SAME_TIME = 1e-6  # [s]
@@ -36,6 +37,7 @@ _SURELY_MOVING = 2  # times in a row that a body was found to move, before it go
 _UNCERTAIN = (
     0.5  # weight of a track whose motion is not known, beside that of one that is where it was expected
 )
+_SURE = 0.1  # [m/s] deviation of a velocity that tells where hits on a body were before
 _GOES_ALONG = 0.5  # share of hits that lie over others when a motion is undone
 _STANDS_FOR = 0.5  # [s] for which beams have met the same where something stands beside a body
 
@@ -108,7 +110,7 @@ class ObstacleTracker:
         owners = self._match(clusters, labels, gaps, evidence, stands)
         numbers = np.full(int(clusters.max(initial=-1)) + 1, -1)
         numbers[list(owners)] = [track.number for track in owners.values()]
-        self._measurements.take(time, returns, single, numbers[clusters])
+        self._measurements.take(time, returns, single, numbers[clusters], fresh)
         for track in dict.fromkeys(owners.values()):
             own = np.isin(clusters, [cluster for cluster, owner in owners.items() if owner is track])
             track.seen = time
@@ -118,6 +120,7 @@ class ObstacleTracker:
                 if not track.moving:
                     self._measurements.part(track, returns.points[beside], keep=beside is own)
                 self._judge(track, int((own & evidence).sum()) + self._left(track))
+        self._gather()
         self._join(area, owners)
         for (
             track
@@ -203,10 +206,10 @@ class ObstacleTracker:
         for track in left:
             column = votes[:, tracks.index(track)]
             owner = owners.get(int(column.argmax())) if column.any() else None
-            if owner is None or (track.moving and not (owner.walks and track.walks)):
+            if owner is None or (track.moving and not track.walks):
                 continue
             if owner.walks or (owner.moving and self._goes_along(owner, track, 1.0)):
-                owner.absorb(track)
+                self._measurements.absorb(owner, track)
                 self.tracks.remove(track)
 
     def _fresh(self, returns: FusedReturns) -> NDArray[np.bool_]:
@@ -243,6 +246,14 @@ class ObstacleTracker:
             track.standing_deviation = max(settings.least_speed, drift.deviation)
         track.found_moving = track.found_moving + 1 if track.moving else 0
 
+    def _gather(self) -> None:
+        """Take what turns out to go along with bodies that keep their shape."""
+        for track in self.tracks:
+            if track.seen == self._time and track.moving and not track.walks and track.deviation < _SURE:
+                others = [other.number for other in self.tracks if other is not track and other.moving]
+                if self._measurements.gather(track, others, self._sightings, self.settings.range_noise):
+                    self._judge(track, self.settings.least_evidence)
+
     def _samples(self, track: Track) -> list[BodySample]:
         """What a velocity is fitted to; only beams that met what stands, or goes elsewhere, tell that they passed."""
         samples = track.chosen_samples()
@@ -270,7 +281,7 @@ class ObstacleTracker:
         for track in (track for track in seen if track.moving):
             for other in (other for other in seen if other is not track):
                 if track in self.tracks and other in self.tracks and self._are_one(track, other, area):
-                    track.absorb(other)
+                    self._measurements.absorb(track, other)
                     self._judge(track, self.settings.least_evidence)
                     self.tracks.remove(other)
                     owners.update((key, track) for key, owner in owners.items() if owner is other)
@@ -280,7 +291,7 @@ class ObstacleTracker:
         if not (track.moving and other.moving) or track.drift is None or other.drift is None:
             return False
         apart = track.drift.velocity - other.drift.velocity
-        doubt = track.drift.covariance + other.drift.covariance + self.settings.least_speed**2 * np.eye(2)
+        doubt = track.drift.covariance + other.drift.covariance + _SAME_SPEED**2 * np.eye(2)
         return bool(apart @ np.linalg.solve(doubt, apart) > _SAME_WAY**2)
 
     def _goes_along(self, track: Track, other: Track, ratio: float) -> bool:

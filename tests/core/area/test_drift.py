@@ -34,7 +34,7 @@ def sample_of(time: float, points: FloatArray, normals: FloatArray, baseline: fl
     """A sample of which no beam passed the body."""
     count = len(points)
     fill, numbers, zeros = np.full(count, 0.05), np.zeros(count, dtype=np.int64), np.zeros((count, 2))
-    nothing = passing_beams(returns_of(points, time), np.ones(count, dtype=np.bool_), numbers > 0)
+    nothing = passing_beams(returns_of(points, time), np.ones(count, dtype=np.bool_), numbers > 0, numbers)
     return BodySample(
         time,
         points,
@@ -96,7 +96,9 @@ def test_where_a_silhouette_ends_tells_the_motion_along_a_face() -> None:
         on_face = np.abs(4.0 * np.tan(angles) - middle) <= 0.5
         depth = np.where(on_face, 4.0, 6.0)
         returns = returns_of(np.column_stack((depth, depth * np.tan(angles))), 0.3 * k)
-        found = passing_beams(returns, on_face, np.zeros(len(angles), dtype=np.bool_))
+        found = passing_beams(
+            returns, on_face, np.zeros(len(angles), dtype=np.bool_), np.full(len(angles), -1)
+        )
         passing.append(found.past(returns.points[on_face]))
         assert sorted(passing[-1].ends) == [0, 1]
         samples.append(returns.points[on_face])
@@ -120,11 +122,13 @@ def test_what_hides_the_end_of_a_body_does_not_tell_where_it_ends() -> None:
     y = np.linspace(-1.0, 1.0, 41)
     depth = np.where(y < -0.3, 2.0, np.where(y < 0.4, 3.0, 5.0))
     returns = returns_of(np.column_stack((depth, depth * y)), 0.0)
-    found = passing_beams(returns, depth == 3.0, np.zeros(41, dtype=np.bool_))
+    bodies = np.where(depth == 5.0, 7, -1)
+    found = passing_beams(returns, depth == 3.0, np.zeros(41, dtype=np.bool_), bodies)
     assert set(found.ends) == {1}
+    assert set(found.bodies) == {7}  # what they met
     single = np.zeros(41, dtype=np.bool_)
     single[np.flatnonzero(depth == 5.0)[0]] = True
-    other = passing_beams(returns, depth == 3.0, single)
+    other = passing_beams(returns, depth == 3.0, single, bodies)
     assert other.beams.min() == found.beams.min() + 1
 
 
@@ -180,15 +184,15 @@ def test_what_stands_is_not_linked_to_what_has_arrived() -> None:
 
 
 def test_earlier_hits_are_divided_when_something_turns_out_to_stand() -> None:
-    measurements, track = Measurements(1.5), Track("one")
+    measurements, track = Measurements(1.5), Track(1)
     post = np.column_stack((np.full(4, 3.0), 0.1 * np.arange(4)))
     nothing = np.zeros(8, dtype=np.bool_)
     for time in (0.0, 0.3, 0.6):
         cart = np.column_stack((np.full(4, 3.0), 0.6 + time + 0.1 * np.arange(4)))
-        measurements.take(time, returns_of(np.concatenate((post, cart)), time), nothing)
+        measurements.take(time, returns_of(np.concatenate((post, cart)), time), nothing, np.full(8, -1))
         own = np.arange(8) >= (4 if time > 0.5 else 0)  # one body at first
         track.take(measurements.sample(own), 1.5)
-    other = Track("other", track.samples.copy())
+    other = Track(2, track.samples.copy())
     measurements.part(track, post, keep=False)
     assert [len(sample.points) for sample in track.samples] == [4, 4, 4]
     assert all((sample.points[:, 1] > 0.5).all() for sample in track.samples)
