@@ -303,11 +303,13 @@ class ObstacleTracker:
         return along >= max(_GOES_ALONG, ratio * resting)
 
     def _are_one(self, track: Track, other: Track, area: UnoccupiedArea) -> bool:
-        if self._go_apart(track, other) or not (other.moving or self._goes_along(track, other, 2.0)):
+        if self._go_apart(track, other):
             return False
         points = np.concatenate((track.samples[-1].points, other.samples[-1].points))
         if float(np.hypot(*np.ptp(points, axis=0))) > self.settings.largest_body:
             return False
         hulls = [shapely.MultiPoint(one.samples[-1].points).convex_hull for one in (track, other)]
         between = shapely.shortest_line(*hulls)
-        return bool(intersection(between, area.region).length <= self.settings.free_depth)
+        if intersection(between, area.region).length > self.settings.free_depth:
+            return False
+        return other.moving or self._goes_along(track, other, 2.0)

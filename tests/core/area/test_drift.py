@@ -189,7 +189,9 @@ def test_earlier_hits_are_divided_when_something_turns_out_to_stand() -> None:
     nothing = np.zeros(8, dtype=np.bool_)
     for time in (0.0, 0.3, 0.6):
         cart = np.column_stack((np.full(4, 3.0), 0.6 + time + 0.1 * np.arange(4)))
-        measurements.take(time, returns_of(np.concatenate((post, cart)), time), nothing, np.full(8, -1))
+        measurements.take(
+            time, returns_of(np.concatenate((post, cart)), time), nothing, np.full(8, -1), ~nothing
+        )
         own = np.arange(8) >= (4 if time > 0.5 else 0)  # one body at first
         track.take(measurements.sample(own), 1.5)
     other = Track(2, track.samples.copy())
