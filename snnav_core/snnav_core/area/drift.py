@@ -8,108 +8,28 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from snnav_core.area.body_sample import BodySample
 from snnav_core.area.faces import face_information
+from snnav_core.area.laying import densest, lay_over
 from snnav_core.area.silhouette import PassingBeams, narrow_velocity, velocity_limits
 from snnav_core.types import FloatArray
 
-__all__ = ["BodySample", "Drift", "fit_drift", "overlap"]
+__all__ = ["Drift", "fit_drift", "overlap"]
 
-_MOST_POINTS = 48  # of one sample that take part in a fit
 _GATES = (0.3, 0.15, 0.08, 0.08, 0.08)  # [m]; hits farther apart show different places of the body
 _NEAR_GATES = _GATES[1:4]  # the same where the velocity is nearly known
 _ROUNDS = 3  # of silhouettes and surfaces in turn
-_SAME_SIDE = 0.7  # cosine between the normals of hits on one place
 _ROBUST = 4.0  # in deviations of a range: residuals beyond count little
 _RIGID = 0.6  # share of hits that lie over others in a body that does not change its shape
-_SEARCHED, _STEP = 1.0, 0.1  # [m/s] velocities around that of the middle that are looked at, if that fails
-_SEARCHED_POINTS = 12  # of one sample that take part in that
-_WIDE = 0.15  # [m]
+_SEARCHED_POINTS = 12  # of one sample that take part in a search for where to start
 _LEAST_KNOWN = 0.25  # share of the hits that at least has to lie over others, where normals are rare
 _LEANING = 3.0  # times the noise of normals is not taken for a shape
 _LAGGING = 0.5  # share of the speed of its middle: what is slower is the leg on which somebody stands
 _ANY_SPEED = 1.0  # [m/s]; deviation of a velocity of which nothing is known
 _SHAPE_CHANGE = 0.05  # share of its extent by which the middle of what is seen of a body may wander
-
-
-@dataclass(frozen=True)
-class BodySample:
-    """Hits on one body in one measurement.
-
-    Parameters
-    ----------
-    taken : float
-        Time of the measurement [s].
-    points, normals : ndarray, shape (n, 2)
-        [m, map] and unit vectors, 0, 0 where none is known.
-    times : ndarray, shape (n,)
-        [s]
-    spacing : ndarray, shape (n,)
-        Distance between neighbouring beams there [m].
-    sensors, beams : ndarray of int, shape (n,)
-    ranges : ndarray, shape (n,)
-        Distance from the sensor [m].
-    """
-
-    taken: float
-    points: FloatArray
-    normals: FloatArray
-    times: FloatArray
-    spacing: FloatArray
-    sensors: NDArray[np.int64]
-    beams: NDArray[np.int64]
-    ranges: FloatArray
-    origins: FloatArray
-    baselines: FloatArray
-    passing: PassingBeams
-
-    @property
-    def beam_ways(self) -> FloatArray:
-        """Unit vectors of the beams (n, 2)."""
-        ways: FloatArray = self.points - self.origins
-        return ways / np.hypot(*ways.T)[:, None]
-
-    def thinned(self) -> BodySample:
-        """So few hits, evenly chosen, that fits stay cheap."""
-        if len(self.points) <= _MOST_POINTS:
-            return self
-        chosen = np.linspace(0, len(self.points) - 1, _MOST_POINTS).astype(np.int64)
-        return self.part(chosen)
-
-    def part(self, chosen: NDArray[np.int64] | NDArray[np.bool_]) -> BodySample:
-        """Some of the hits."""
-        return BodySample(
-            self.taken,
-            self.points[chosen],
-            self.normals[chosen],
-            self.times[chosen],
-            self.spacing[chosen],
-            self.sensors[chosen],
-            self.beams[chosen],
-            self.ranges[chosen],
-            self.origins[chosen],
-            self.baselines[chosen],
-            self.passing,
-        )
-
-    def joined(self, other: BodySample) -> BodySample:
-        """These hits and others of the same measurement."""
-        return BodySample(
-            self.taken,
-            np.concatenate((self.points, other.points)),
-            np.concatenate((self.normals, other.normals)),
-            np.concatenate((self.times, other.times)),
-            np.concatenate((self.spacing, other.spacing)),
-            np.concatenate((self.sensors, other.sensors)),
-            np.concatenate((self.beams, other.beams)),
-            np.concatenate((self.ranges, other.ranges)),
-            np.concatenate((self.origins, other.origins)),
-            np.concatenate((self.baselines, other.baselines)),
-            self.passing.joined(other.passing),
-        )
 
 
 @dataclass(frozen=True)
@@ -182,7 +102,7 @@ def fit_drift(samples: Sequence[BodySample], range_noise: float, guess: FloatArr
 def overlap(samples: Sequence[BodySample], velocity: FloatArray, range_noise: float) -> float:
     """Share of the hits on a body that lie over others when a velocity (2,) [m/s] is undone."""
     hits = _hits_of(samples)
-    weight = _lay_over(
+    weight = lay_over(
         hits.points,
         hits.normals,
         hits.baselines,
@@ -285,9 +205,7 @@ def _search(hits: _Hits, around: FloatArray) -> FloatArray:
     ]
     chosen = np.concatenate(kept)
     offsets = np.concatenate(([0], np.cumsum([len(part) for part in kept])))
-    return np.asarray(
-        _densest(hits.points[chosen], hits.normals[chosen], hits.times[chosen], offsets, around)
-    )
+    return np.asarray(densest(hits.points[chosen], hits.normals[chosen], hits.times[chosen], offsets, around))
 
 
 @dataclass(frozen=True)
@@ -312,7 +230,7 @@ def _follow(
     """Lay samples over each other, starting from a velocity."""
     samples = len(hits.offsets) - 1
     for gate in gates:
-        equations = _lay_over(
+        equations = lay_over(
             hits.points,
             hits.normals,
             hits.baselines,
@@ -369,72 +287,3 @@ def _middle_information(samples: Sequence[BodySample]) -> tuple[FloatArray, Floa
         information += np.eye(2) * spread / variance
         vector += spread * slope / variance
     return information, vector
-
-
-@numba.njit(cache=True, nogil=True)
-def _densest(points, normals, times, offsets, around):  # type: ignore[no-untyped-def]
-    """The velocity around another one at which most hits lie over those of other samples."""
-    groups, best, found = offsets.shape[0] - 1, -1.0, around.copy()
-    count = int(round(_SEARCHED / _STEP))
-    for a in range(-count, count + 1):
-        for b in range(-count, count + 1):
-            vx, vy, total = around[0] + a * _STEP, around[1] + b * _STEP, 0.0
-            for g in range(groups):
-                for i in range(offsets[g], offsets[g + 1]):
-                    for h in range(groups):
-                        nearest = _WIDE * _WIDE
-                        if h == g:
-                            continue
-                        for j in range(offsets[h], offsets[h + 1]):
-                            passed = times[j] - times[i]
-                            dx = points[j, 0] - points[i, 0] - vx * passed
-                            dy = points[j, 1] - points[i, 1] - vy * passed
-                            alike = normals[i, 0] * normals[j, 0] + normals[i, 1] * normals[j, 1]
-                            if alike > _SAME_SIDE:
-                                nearest = min(nearest, dx * dx + dy * dy)
-                        total += 1.0 - nearest / (_WIDE * _WIDE)
-            if total > best:
-                best = total
-                found[0], found[1] = vx, vy
-    return found
-
-
-@numba.njit(cache=True, nogil=True)
-def _lay_over(points, normals, baselines, times, offsets, velocity, gate, scale):  # type: ignore[no-untyped-def]
-    """Normal equations of the velocity over all pairs of samples: xx, xy, yy, bx, by, squares, weight, leaning."""
-    xx = xy = yy = bx = by = squares = total = leaning = 0.0
-    groups = offsets.shape[0] - 1
-    for g in range(groups):
-        for i in range(offsets[g], offsets[g + 1]):
-            for h in range(groups):
-                if h == g:
-                    continue
-                best, found = gate * gate, -1
-                for j in range(offsets[h], offsets[h + 1]):
-                    passed = times[j] - times[i]
-                    dx = points[j, 0] - points[i, 0] - velocity[0] * passed
-                    dy = points[j, 1] - points[i, 1] - velocity[1] * passed
-                    square = dx * dx + dy * dy
-                    if square < best and (
-                        normals[i, 0] * normals[j, 0] + normals[i, 1] * normals[j, 1] > _SAME_SIDE
-                    ):
-                        best, found = square, j
-                if found < 0:
-                    continue
-                passed = times[found] - times[i]
-                nx, ny = normals[i, 0] + normals[found, 0], normals[i, 1] + normals[found, 1]
-                length = math.sqrt(nx * nx + ny * ny)
-                nx, ny = nx / length, ny / length
-                along = nx * (points[found, 0] - points[i, 0]) + ny * (points[found, 1] - points[i, 1])
-                rest = along - passed * (nx * velocity[0] + ny * velocity[1])
-                weight = 0.5 / (1.0 + (rest / scale) ** 2)  # every pair is met from both sides
-                xx += weight * passed * passed * nx * nx
-                xy += weight * passed * passed * nx * ny
-                yy += weight * passed * passed * ny * ny
-                bx += weight * passed * nx * along
-                by += weight * passed * ny * along
-                squares += weight * rest * rest
-                total += weight
-                lean = 1.0 / baselines[i] ** 2 + 1.0 / baselines[found] ** 2
-                leaning += 0.25 * weight * passed * passed * lean
-    return xx, xy, yy, bx, by, squares, total, leaning

@@ -20,10 +20,8 @@ _LEAST_HITS = 4
 _LEAST_BASE = 4.0  # times the tolerance: nearer hits do not tell where a face leads
 _ROUNDS = 4  # in which a face grows
 _LEAST_BENT = 8  # hits, from which a face may be found to be bent
-_LEAST_SQUARE = 1e-4  # share of a column that others do not explain
-_BENT = 8  # hits, from which a face may be found to be bent
-_LEAST_SPREAD = 1e-6  # [1/s^2] of the square deviation of a speed per that of a range: less cannot be
 _BENT = 3.0  # deviations by which a curvature is significant
+_LEAST_SQUARE = 1e-4  # share of a column that others do not explain
 
 
 def face_information(
@@ -104,7 +102,7 @@ def _slope(
     basis, _ = np.linalg.qr(besides)
     own = column - basis @ (basis.T @ column)
     square = float(own @ own)
-    if square < _LEAST_SQUARE * float(column @ column) or len(values) <= besides.shape[1] + 1:
+    if square <= _LEAST_SQUARE * float(column @ column) or len(values) <= besides.shape[1] + 1:
         return None
     factor = float(own @ values) / square
     rest = values - basis @ (basis.T @ values) - factor * own

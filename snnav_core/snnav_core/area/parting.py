@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from snnav_core.area.drift import BodySample
+from snnav_core.area.body_sample import BodySample
 from snnav_core.area.faces import on_faces
 from snnav_core.area.returns import FusedReturns
 from snnav_core.area.sightings import Sightings

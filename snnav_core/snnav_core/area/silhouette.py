@@ -18,6 +18,7 @@ _NEXT = 8  # beams on each side of which the nearest one that met what stands te
 _INSIDE = 0.02  # [m] by which hits of the same measurement may lie beyond a beam that passed
 _NOISE = 2.5  # deviations of a range by which a hit may lie outside of the body
 _SLACKS = (0.0, 0.004, 0.01, 0.02)  # [m] by which hits and passing beams may contradict each other
+_LEAST_DOUBT = 0.001  # [m] to which places of hits and beams can be compared at best
 _SPREAD = 4.0  # deviations around the expected velocity that are looked at
 _GRID = (25, 17)  # velocities along the longer and the shorter side
 _LEAST_PASSED = 1e-3  # [s]
@@ -200,7 +201,9 @@ def narrow_velocity(
         rows[:, 2] += slack
         region = _clip(start, rows)
         if len(region):
-            return _weigh(region, rows, limits.ends, expected, covariance, axes)
+            weighed = _weigh(region, rows, limits.ends, expected, covariance, axes)
+            doubt = (slack + _LEAST_DOUBT) / float(np.hypot(*rows[:, :2].T).max())
+            return None if weighed is None else (weighed[0], weighed[1] + doubt**2 * np.eye(2))
     return None
 
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from snnav_core.area.drift import BodySample, Drift
+from snnav_core.area.body_sample import BodySample
+from snnav_core.area.drift import Drift
 from snnav_core.types import FloatArray
 
 __all__ = ["Track"]

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
+from snnav_core.area.body_sample import BodySample
 from snnav_core.area.clusters import cluster_returns
-from snnav_core.area.drift import BodySample, fit_drift, overlap
+from snnav_core.area.drift import fit_drift, overlap
 from snnav_core.area.explained import build_scene
 from snnav_core.area.overlay import intersection
 from snnav_core.area.parting import Measurements
@@ -34,9 +35,7 @@ _STAYS_MOVING = 0.5  # share of the confidence at which a body that moved counts
 _OVERSHOOT = 1.25  # times the top speed: an estimate may be above it
 _SAME_TIME = 1e-6  # [s]
 _SURELY_MOVING = 2  # times in a row that a body was found to move, before it goes on unseen
-_UNCERTAIN = (
-    0.5  # weight of a track whose motion is not known, beside that of one that is where it was expected
-)
+_UNCERTAIN = 0.1  # weight of a track whose motion is not known yet, beside others
 _SURE = 0.1  # [m/s] deviation of a velocity that tells where hits on a body were before
 _GOES_ALONG = 0.5  # share of hits that lie over others when a motion is undone
 _STANDS_FOR = 0.5  # [s] for which beams have met the same where something stands beside a body
@@ -169,7 +168,10 @@ class ObstacleTracker:
         still = np.bincount(clusters, weights=~stands) == 0.0 if len(clusters) else arrived
         votes = np.zeros((len(sizes), len(self.tracks)))
         known = labels >= 0
-        trust = np.array([1.0 if track.moving else _UNCERTAIN for track in self.tracks] + [0.0])
+        known_so_far = [
+            track.moving or len(track.samples) >= self.settings.least_samples for track in self.tracks
+        ]
+        trust = np.where([*known_so_far, False], 1.0, _UNCERTAIN)
         np.add.at(votes, (clusters[known], labels[known]), trust[labels[known]] * (1.0 - shares[known]))
         rows, columns = linear_sum_assignment(votes, maximize=True)
         tracks = list(self.tracks)
@@ -312,4 +314,6 @@ class ObstacleTracker:
         between = shapely.shortest_line(*hulls)
         if intersection(between, area.region).length > self.settings.free_depth:
             return False
-        return other.moving or self._goes_along(track, other, 2.0)
+        if track.walks or other.walks:
+            return other.moving
+        return self._goes_along(track, other, 0.0 if other.moving else 2.0)

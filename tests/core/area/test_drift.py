@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from snnav_core.area.body_sample import BodySample
 from snnav_core.area.clusters import cluster_returns
-from snnav_core.area.drift import BodySample, fit_drift
+from snnav_core.area.drift import fit_drift
 from snnav_core.area.parting import Measurements
 from snnav_core.area.returns import FusedReturns, fused_returns
 from snnav_core.area.sightings import Sightings
