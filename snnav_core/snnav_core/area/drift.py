@@ -128,7 +128,7 @@ def _fit_outline(
     weak = np.eye(2) / _ANY_SPEED**2
     match = _follow(hits, known, known @ start, start, range_noise, leaning_share=_LEANING)
     information, pull = match.information, match.pull
-    for _ in range(_ROUNDS):
+    for left in reversed(range(_ROUNDS)):
         covariance: FloatArray = np.asarray(np.linalg.inv(information + weak))
         found = narrow_velocity(limits, covariance @ pull, covariance)
         if found is None:
@@ -137,12 +137,13 @@ def _fit_outline(
         known = np.asarray(np.linalg.inv(spread))
         match = _follow(hits, known, known @ velocity, velocity, range_noise, _NEAR_GATES, _LEANING)
         information, pull = match.information, match.pull
-        doubt = math.sqrt(float(np.linalg.eigvalsh(spread)[-1]))
-        by_faces = face_information(
-            hits.points, hits.normals, hits.beams, hits.times, velocity, range_noise, doubt
-        )
-        if _least(by_faces[0]) > _least(information):
-            information, pull = by_faces
+        if left > 0:
+            doubt = math.sqrt(float(np.linalg.eigvalsh(spread)[-1]))
+            by_faces = face_information(
+                hits.points, hits.normals, hits.beams, hits.times, velocity, range_noise, doubt
+            )
+            if _least(by_faces[0]) > _least(information):
+                information, pull = by_faces
     if match.agreement < _RIGID:
         return None
     return Drift(velocity, spread, match.agreement)

@@ -116,23 +116,28 @@ def _grow_faces(points, normals, beams, tolerance):  # type: ignore[no-untyped-d
     count = points.shape[0]
     numbers = np.full(count, -1)
     near = np.empty(count)
-    for i in range(count):
-        near[i] = _seed(points, normals, beams, numbers, i, tolerance)[0]
     ways, faces = np.empty((count, 2)), 0
-    for i in np.argsort(-near, kind="mergesort"):
-        if numbers[i] >= 0:
-            continue
-        left, nx, ny = _seed(points, normals, beams, numbers, i, tolerance)
-        if left < _LEAST_HITS:
-            continue
-        members, nx, ny = _grow(points, beams, numbers, i, nx, ny, tolerance)
-        if members.sum() < _LEAST_HITS:
-            continue
-        for j in range(count):
-            if members[j]:
-                numbers[j] = faces
-        ways[faces, 0], ways[faces, 1] = nx, ny
-        faces += 1
+    known = (normals[:, 0] != 0.0) | (normals[:, 1] != 0.0)
+    for with_normal in (True, False):  # what is left then is little
+        for i in range(count):
+            asked = known[i] == with_normal and numbers[i] < 0
+            near[i] = _seed(points, normals, beams, numbers, i, tolerance)[0] if asked else 0.0
+        for i in np.argsort(-near, kind="mergesort"):
+            if near[i] < _LEAST_HITS:
+                break
+            if numbers[i] >= 0:
+                continue
+            left, nx, ny = _seed(points, normals, beams, numbers, i, tolerance)
+            if left < _LEAST_HITS:
+                continue
+            members, nx, ny = _grow(points, beams, numbers, i, nx, ny, tolerance)
+            if members.sum() < _LEAST_HITS:
+                continue
+            for j in range(count):
+                if members[j]:
+                    numbers[j] = faces
+            ways[faces, 0], ways[faces, 1] = nx, ny
+            faces += 1
     return numbers, ways[:faces]
 
 

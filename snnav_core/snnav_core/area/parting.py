@@ -143,11 +143,12 @@ class Measurements:
         returns = frame.returns
         laid = returns.points - returns.times[:, None] * track.velocity
         inside = ((laid >= tree.mins - _REACH) & (laid <= tree.maxes + _REACH)).all(axis=1)
-        inside &= frame.fresh & ~frame.own(sample) & ~np.isin(frame.bodies, others)
-        hits = np.flatnonzero(inside)
+        hits = np.flatnonzero(inside & frame.fresh)
         if len(hits):
             distance, _ = tree.query(laid[hits], distance_upper_bound=_REACH)
             hits = hits[(distance < _ON_BODY) | (np.isfinite(distance) & frame.single[hits])]
+            hits = hits[~frame.own(sample)[hits] & ~np.isin(frame.bodies[hits], others)]
+        if len(hits):
             stands = sightings.steady(returns.sensors[hits], returns.beams[hits], returns.ranges[hits])
             hits = hits[~stands | frame.single[hits]]  # on a face that slides along itself hits seem to stand
         return hits, frame.single[hits]

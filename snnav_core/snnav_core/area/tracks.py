@@ -298,7 +298,7 @@ class ObstacleTracker:
 
     def _goes_along(self, track: Track, other: Track, ratio: float) -> bool:
         """Whether what was seen too seldom to tell its motion goes with a body, so many times better than it stands."""
-        if track.walks or other.extent > self.settings.largest_body or len(other.samples) < 2:
+        if track.walks or len(other.samples) < 2:
             return False
         samples, noise = list(other.samples), self.settings.range_noise
         along, resting = (overlap(samples, moved, noise) for moved in (track.velocity, np.zeros(2)))
@@ -306,6 +306,8 @@ class ObstacleTracker:
 
     def _are_one(self, track: Track, other: Track, area: UnoccupiedArea) -> bool:
         if self._go_apart(track, other):
+            return False
+        if not other.moving and len(other.samples) < 2:
             return False
         points = np.concatenate((track.samples[-1].points, other.samples[-1].points))
         if float(np.hypot(*np.ptp(points, axis=0))) > self.settings.largest_body:
