@@ -34,6 +34,8 @@ from snnav_sim.scene import AnyScene
 
 __all__ = ["DecidingNode"]
 
+_HOLD = "hold"
+
 
 class Rules(Protocol):
     """Parameters that all nodes that decide have."""
@@ -72,6 +74,7 @@ class DecidingNode(ManagedNode):
         rules: Rules,
         navigator: Navigator,
         interval: float,
+        window: float,
     ) -> None:
         """Take the robots that are there from the start, offer the services of the node, and go active.
 
@@ -83,8 +86,11 @@ class DecidingNode(ManagedNode):
         navigator : Navigator
         interval : float
             Sampling interval [s].
+        window : float
+            Time window of the paths [s].
         """
         self._rules, self._robots_of, self._interval = rules, navigator, interval
+        self._window = nanoseconds(window)
         self._targets = {robot.spec.id: robot.target for robot in robots if robot.target is not None}
         specs = [robot.spec for robot in robots]
         self._roster = Roster(self, scene, specs, rules.accept_robots, self._join, self._leave)
@@ -147,6 +153,7 @@ class DecidingNode(ManagedNode):
         self._goal_stamps: dict[str, int] = {}
         self._states: dict[str, tuple[int, Any]] = {}
         self._odometry: dict[str, Odometry] = {}  # what the states were read from
+        self._unheard_since: dict[str, int] = {}
         self._problems: dict[str, str] = {}
         self._misses = 0
         self._ports: dict[str, RobotPort] = {}
@@ -176,7 +183,7 @@ class DecidingNode(ManagedNode):
         self._robots_of.reset()
         self._roster.reset()
         if not self.lockstep:  # in lockstep data of the new time may be here before their tick
-            self._states, self._odometry = {}, {}
+            self._states, self._odometry, self._unheard_since = {}, {}, {}
             self.forget()
 
     def _expected(self) -> list[str]:
@@ -205,7 +212,8 @@ class DecidingNode(ManagedNode):
             stop = Stop(name, StopReason.NO_GOAL, f"robot {name} left the workspace")
             self._ports[name].publish(stop, now_of(self))
         self._ports[name].close()
-        for known in (self._states, self._odometry, self._goals, self._goal_messages, self._goal_stamps):
+        heard = (self._states, self._odometry, self._goals, self._goal_messages, self._goal_stamps)
+        for known in (*heard, self._unheard_since):
             known.pop(name, None)
         self._problems.pop(f"{name}/odom", None)
         self.robot_left(name)
@@ -309,6 +317,31 @@ class DecidingNode(ManagedNode):
             for name, goal in self._goals.items()
             if name in self._roster.present and self._ports[name].enabled
         }
+
+    def refrain(self, now: int) -> bool:
+        """Tell, and say why, whether no path may be issued at a time [ns] as somebody may drive who was not heard yet.
+
+        A node that begins hears one robot before another, which may still be on a way that was certified before: for
+        one time window, as long as such a way lasts, it waits for odometry of all.
+        """
+        unheard = [name for name in self.robots if name not in self._states]
+        awaited = [name for name in unheard if now < self._unheard_since.setdefault(name, now) + self._window]
+        if not awaited or len(unheard) == len(self.robots):
+            return False
+        self.hold(
+            f"no odometry of robot {', '.join(awaited)} yet, which may be on a way that was certified before"
+        )
+        return True
+
+    def hold(self, why: str) -> None:
+        """Say why no new paths are issued: once, and in `/diagnostics` until `go_ahead`."""
+        if _HOLD not in self._problems:
+            self.get_logger().warning(f"no new paths: {why}")
+        self._problems[_HOLD] = why
+
+    def go_ahead(self) -> None:
+        """New paths are issued again."""
+        self._problems.pop(_HOLD, None)
 
     def go_on(self) -> None:
         """In lockstep: decide once all of the present tick is there: own inputs, who joins, odometry, goals."""

@@ -91,7 +91,8 @@ class GlobalPlannerNode(DecidingNode):
             self._navigator = GlobalNavigator([robot.spec for robot in robots], self.navigator_settings)
         except InvalidInput as error:
             self.reader.fail("robots", str(error))
-        self.know(scene, robots, self.settings, self._navigator, interval)
+        window = self.navigator_settings.time_window * interval
+        self.know(scene, robots, self.settings, self._navigator, interval, window)
 
     def configure(self) -> None:
         """Make the publishers and offer the service."""
@@ -198,7 +199,12 @@ class GlobalPlannerNode(DecidingNode):
             self.go_on()
         elif not self._watch():
             newest = max([stamp, *(when for when, _ in self._states.values())])
-            if newest > self._decided:
+            if newest <= self._decided:
+                return
+            if self.refrain(newest):
+                self._decided = newest
+                self.publish_status("planner", newest, [], 0.0)
+            else:
                 self._step(newest, self._scene)
 
     def _watch(self) -> bool:
@@ -222,6 +228,7 @@ class GlobalPlannerNode(DecidingNode):
         result = self._navigator.step(seconds(now), scene, states, goals)
         duration = clock.perf_counter() - begin
         self._misses += duration > self.navigator_settings.interval
+        self.go_ahead()
         self._show_plans(now)
         self._publish(now, result.decisions, duration)
 

@@ -69,16 +69,16 @@ class PlannerNode(DecidingNode):
         except InvalidInput as error:
             self.reader.fail("robots", str(error))
         self._fellows: Fellows | None = None
+        window = self.navigator_settings.time_window * interval
         if settings.planners:
             if in_space:
                 self.reader.fail("planners", "is given; in space one planner serves all robots, leave it out")
-            window = self.navigator_settings.time_window * interval
             try:
                 self._fellows = Fellows(self, settings.planners, window, self._on_promise)
             except InvalidInput as error:
                 self.reader.fail("planners", str(error))
         self._share = nanoseconds(settings.sharing_deadline or interval / (len(settings.planners) + 1))
-        self.know(scene, robots, settings, self._crew, interval)
+        self.know(scene, robots, settings, self._crew, interval, window)
 
     def configure(self) -> None:
         """Make the publishers."""
@@ -177,7 +177,7 @@ class PlannerNode(DecidingNode):
             # Whoever was measured after the area held passes the points of its path later by as much.
             newest = max([stamp, *(when for when, _ in self._states.values())])
             if newest > self._decided:
-                self._step(newest, area)
+                self._step_or_refrain(newest, area)
 
     def _on_lost(self, message: MarkerArray) -> None:
         """Take what silent sensors saw last: it explains refusals, and changes no path."""
@@ -219,16 +219,23 @@ class PlannerNode(DecidingNode):
         if missing:
             self._hold(instant, f"planner {', '.join(missing)} is silent, and may have promised something")
         else:
+            self._step_or_refrain(instant, area)
+
+    def _step_or_refrain(self, instant: int, area: Area) -> None:
+        if self.refrain(instant):
+            self._issue_nothing(instant)
+        else:
             self._step(instant, area)
 
     def _hold(self, instant: int, why: str) -> None:
+        self.hold(why)
+        self._issue_nothing(instant)
+
+    def _issue_nothing(self, instant: int) -> None:
         """Issue nothing at an instant [ns]: robots go on to the ends of their windows."""
-        assert self._fellows is not None
         self._decided = instant
-        self._fellows.say(instant, (), {})
-        if "planners" not in self._problems:
-            self.get_logger().warning(f"no new paths: {why}")
-        self._problems["planners"] = why
+        if self._fellows is not None:
+            self._fellows.say(instant, (), {})
         self._publish_status(instant, [], 0.0)
 
     def _watch_area(self) -> bool:
@@ -266,8 +273,8 @@ class PlannerNode(DecidingNode):
                 self._misses += 1
                 self._hold(now, f"the decision came {seconds(late):.3f} s after its share of the interval")
                 return
-            self._problems.pop("planners", None)
             self._problems.pop("area", None)
+        self.go_ahead()
         self._publish(now, result, duration)
 
     def _publish(self, now: int, result: StepResult, duration: float) -> None:

@@ -48,10 +48,9 @@ def test_images_make_the_area_of_the_sampling_instant(graph: Any) -> None:
     for stamp, name in ((200 * MILLI, "low"), (300 * MILLI, "high"), (400 * MILLI, "low")):
         site.send(name, cloud(name, stamp, MIDDLE))
         core.add_image(name, seen(name, stamp, MIDDLE))
-    site.tell(odometry(100 * MILLI))
-    site.tell(odometry(450 * MILLI, MIDDLE + 0.01))
-    core.add_state(state(100 * MILLI))
-    core.add_state(state(450 * MILLI, MIDDLE + 0.01))
+    for stamp in range(100 * MILLI, 451 * MILLI, 50 * MILLI):
+        site.tell(odometry(stamp, MIDDLE + 0.01))
+        core.add_state(state(stamp, MIDDLE + 0.01))
     area, expected = site.area(500 * MILLI), core.area(0.5)
     assert area.stamp == 0.5
     np.testing.assert_allclose(area.moving, expected.moving, rtol=0.0, atol=1e-5)  # look_at by angles

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 import shapely
+from nav_msgs.msg import Odometry
 
 from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.types import Pose2D, StopReason
@@ -109,3 +110,33 @@ def test_time_that_jumps_back_starts_afresh(graph: Any) -> None:
     assert again.poses
     assert verdict.stamp == 1.0
     assert [pose.pose for pose in again.poses] == [pose.pose for pose in first.poses]
+
+
+VAN = {"robots": ["cart", "van"], "van.radius": 0.3, "van.speed": 0.5, "van.max_turn_rate": 1.0}
+
+
+def test_who_was_not_heard_yet_may_drive_as_long_as_a_window_lasts(graph: Any) -> None:
+    """A planner that begins again in mid-run hears one robot before another."""
+    site = Site(graph, time_window=3, **VAN, **{"cart.target": [10.0, 3.0]})
+    for second in range(1, 4):
+        site.stand(second * SECOND, Pose2D(2.0, 3.0, 0.0))
+        site.area.publish(area_to_message(UnoccupiedArea(second, HALL)))
+        graph.until(lambda second=second: site.node._decided == second * SECOND, "the area")
+        assert not site.paths
+        assert "no odometry of robot van yet" in site.node._problems["hold"]
+    site.stand(4 * SECOND, Pose2D(2.0, 3.0, 0.0))
+    assert site.step(4 * SECOND)[0].poses  # whatever was certified for the other one has ended
+    assert "hold" not in site.node._problems
+
+
+def test_paths_come_as_soon_as_all_were_heard(graph: Any) -> None:
+    site = Site(graph, time_window=3, **VAN, **{"cart.target": [10.0, 3.0]})
+    site.stand(SECOND, Pose2D(2.0, 3.0, 0.0))
+    site.area.publish(area_to_message(UnoccupiedArea(1.0, HALL)))
+    graph.until(lambda: site.node._decided == SECOND, "the area")
+    assert not site.paths
+    van = graph.speak(Odometry, "van/odom")
+    van.publish(odometry_to_message("van", Pose2D(2.0, 5.0, 0.0), 0.0, 0.0, SECOND))
+    graph.until(lambda: "van" in site.node._states, "odometry of the other one")
+    site.stand(2 * SECOND, Pose2D(2.0, 3.0, 0.0))
+    assert site.step(2 * SECOND)[0].poses
