@@ -135,6 +135,7 @@ def test_beams_that_met_another_moving_body_passed_this_one(make_random_hall: Ma
 
 
 @pytest.mark.nightly
+@pytest.mark.timeout(1800)
 def test_many_velocities(make_random_hall: MakeHall) -> None:
     two_to_four = errors(make_random_hall, range(200))
     four = errors(make_random_hall, range(200, 300), scanners=4)
@@ -171,6 +172,7 @@ def test_nothing_moves_where_everything_stands(make_random_hall: MakeHall, drop_
 
 
 @pytest.mark.nightly
+@pytest.mark.timeout(1800)
 def test_nothing_moves_in_a_hundred_halls(make_random_hall: MakeHall) -> None:
     assert alarms(make_random_hall, range(100), 0.02) == []
 
