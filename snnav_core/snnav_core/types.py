@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from snnav_core.errors import InvalidInput
 
 __all__ = [
+    "TIME_TOLERANCE",
     "Certificate",
     "FloatArray",
     "HeardPath",
@@ -31,6 +32,9 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
+
+TIME_TOLERANCE = 1e-6
+"""Times nearer to each other are the same [s]: seconds since 1970 are no finer than a quarter of a microsecond."""
 
 _NANOSECONDS = 1_000_000_000
 _TURN_RESOLUTION = 1e-6

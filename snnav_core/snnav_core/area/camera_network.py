@@ -6,14 +6,14 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from snnav_core.area.intake import TIME_TOLERANCE, check_clock, image_intake
+from snnav_core.area.intake import check_clock, image_intake
 from snnav_core.area.robots import RobotTrack
 from snnav_core.area.spatial import SpatialArea
 from snnav_core.area.spatial_fusion import SpatialFusion, SpatialFusionSettings
 from snnav_core.errors import InvalidInput
 from snnav_core.flight_types import FlyerState
 from snnav_core.sensing.depth import DepthCamera, DepthImage
-from snnav_core.types import FloatArray, RobotSpec
+from snnav_core.types import TIME_TOLERANCE, FloatArray, RobotSpec
 
 __all__ = ["CameraNetwork", "spheres_at"]
 

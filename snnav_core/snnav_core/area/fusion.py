@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from snnav_core.area.agreement import agree, cut_returns
 from snnav_core.area.hiding import RobotHiding
 from snnav_core.area.history import SeenHistory
-from snnav_core.area.intake import TIME_TOLERANCE, check_clock, same_ranges, scan_intake
+from snnav_core.area.intake import check_clock, same_ranges, scan_intake
 from snnav_core.area.memory import remember
 from snnav_core.area.overlay import union_all
 from snnav_core.area.planar import LostPart, UnoccupiedArea, as_multipolygon, shrink
@@ -20,7 +20,7 @@ from snnav_core.area.returns import FusedReturns, fused_returns
 from snnav_core.area.settings import FusionSettings, PlanarSensor
 from snnav_core.errors import InvalidInput
 from snnav_core.sensing.scan import DetectedArea, PlanarScan, detect_planar
-from snnav_core.types import FloatArray, RobotSpec, RobotState
+from snnav_core.types import TIME_TOLERANCE, FloatArray, RobotSpec, RobotState
 
 __all__ = ["AreaFusion", "FusionSettings", "PlanarSensor"]
 

@@ -12,12 +12,9 @@ from snnav_core.area.settings import PlanarSensor
 from snnav_core.errors import InvalidInput
 from snnav_core.sensing.depth import DepthCamera, DepthImage
 from snnav_core.sensing.scan import PlanarScan
-from snnav_core.types import FloatArray
+from snnav_core.types import TIME_TOLERANCE, FloatArray
 
-__all__ = ["TIME_TOLERANCE", "Intake", "check_clock", "image_intake", "same_ranges", "scan_intake"]
-
-TIME_TOLERANCE = 1e-6
-"""Times no farther apart are the same time [s]."""
+__all__ = ["Intake", "check_clock", "image_intake", "same_ranges", "scan_intake"]
 
 _TELLING_RETURNS = 100  # measured distances that noise never repeats all at once
 

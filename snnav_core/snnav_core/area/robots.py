@@ -10,7 +10,7 @@ import numpy as np
 
 from snnav_core.errors import InvalidInput
 from snnav_core.flight_types import FlyerState
-from snnav_core.types import FloatArray, Pose2D, RobotSpec
+from snnav_core.types import TIME_TOLERANCE, FloatArray, Pose2D, RobotSpec
 
 __all__ = ["LONGEST_EXTRAPOLATION", "LONGEST_GAP", "RobotTrack"]
 
@@ -21,7 +21,6 @@ LONGEST_EXTRAPOLATION = 0.2
 """Later than this after the last state the position is unknown [s]."""
 
 _STATES = 1000
-_SAME_TIME = 1e-6  # [s]
 
 
 class RobotTrack:
@@ -88,11 +87,11 @@ class RobotTrack:
 
     def _append(self, stamp: float, place: FloatArray, ahead: FloatArray, speed: float) -> None:
         last = self.last_stamp
-        if last is not None and stamp < last - _SAME_TIME:
+        if last is not None and stamp < last - TIME_TOLERANCE:
             raise InvalidInput(
                 f"robot {self.robot.id!r}: state stamped {stamp:.3f} s is older than its last ({last:.3f} s): ignored"
             )
-        if last is not None and stamp <= last + _SAME_TIME:
+        if last is not None and stamp <= last + TIME_TOLERANCE:
             self._stamps.pop()
             self._places.pop()
         self._stamps.append(stamp)
@@ -121,14 +120,14 @@ class RobotTrack:
         """
         if not self._stamps or not math.isfinite(stamp):
             return None
-        after = bisect_left(self._stamps, stamp - _SAME_TIME)
+        after = bisect_left(self._stamps, stamp - TIME_TOLERANCE)
         if after == len(self._stamps):
             return self._extrapolated(stamp)
         later = self._places[after]
-        if self._stamps[after] <= stamp + _SAME_TIME:
+        if self._stamps[after] <= stamp + TIME_TOLERANCE:
             return later, 0.0
         gap = self._stamps[after] - self._stamps[after - 1] if after else math.inf
-        if gap > LONGEST_GAP + _SAME_TIME:
+        if gap > LONGEST_GAP + TIME_TOLERANCE:
             return None
         share = (stamp - self._stamps[after - 1]) / gap
         earlier = self._places[after - 1]
@@ -141,8 +140,8 @@ class RobotTrack:
         between them, D their distance and s the share of the time, sqrt(s (1 - s) ((v T)^2 - D^2)). 0 at a state, and
         outside of the states, where `place` says it.
         """
-        after = bisect_left(self._stamps, stamp - _SAME_TIME)
-        if not 0 < after < len(self._stamps) or self._stamps[after] <= stamp + _SAME_TIME:
+        after = bisect_left(self._stamps, stamp - TIME_TOLERANCE)
+        if not 0 < after < len(self._stamps) or self._stamps[after] <= stamp + TIME_TOLERANCE:
             return 0.0
         earlier, later = self._stamps[after - 1], self._stamps[after]
         share, way = (stamp - earlier) / (later - earlier), self.robot.speed * (later - earlier)
@@ -151,7 +150,7 @@ class RobotTrack:
 
     def _extrapolated(self, stamp: float) -> tuple[FloatArray, float] | None:
         elapsed = stamp - self._stamps[-1]
-        if elapsed > LONGEST_EXTRAPOLATION + _SAME_TIME:
+        if elapsed > LONGEST_EXTRAPOLATION + TIME_TOLERANCE:
             return None
         fastest = max(abs(self._speed), self.robot.speed)
         return self._places[-1] + elapsed * self._speed * self._ahead, elapsed * fastest

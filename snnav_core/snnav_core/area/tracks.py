@@ -23,7 +23,7 @@ from snnav_core.area.sightings import Sightings
 from snnav_core.area.track import Track
 from snnav_core.area.tracker_settings import TrackedScene, TrackerSettings
 from snnav_core.errors import InvalidInput
-from snnav_core.types import FloatArray
+from snnav_core.types import TIME_TOLERANCE, FloatArray
 
 __all__ = ["ObstacleTracker", "TrackedScene", "TrackerSettings"]
 
@@ -33,7 +33,6 @@ _SAME_WAY = 3.0  # velocities that differ by less, in deviations, are the same
 _SAME_SPEED = 0.02  # [m/s] added to these deviations
 _STAYS_MOVING = 0.5  # share of the confidence at which a body that moved counts as moving still
 _OVERSHOOT = 1.25  # times the top speed: an estimate may be above it
-_SAME_TIME = 1e-6  # [s]
 _SURELY_MOVING = 2  # times in a row that a body was found to move, before it goes on unseen
 _UNCERTAIN = 0.1  # weight of a track whose motion is not known yet, beside others
 _SURE = 0.1  # [m/s] deviation of a velocity that tells where hits on a body were before
@@ -88,7 +87,7 @@ class ObstacleTracker:
         InvalidInput
             If time does not go on; call `reset` after a jump of time.
         """
-        if not (math.isfinite(time) and time > self._time + _SAME_TIME):
+        if not (math.isfinite(time) and time > self._time + TIME_TOLERANCE):
             raise InvalidInput(
                 f"tracker: update at {time} s after that at {self._time} s; reset it after a jump"
             )
@@ -98,7 +97,7 @@ class ObstacleTracker:
         apart = np.array([track.moving and not track.walks for track in self.tracks], dtype=np.bool_)
         fresh = self._fresh(returns)
         steady = self._sightings.steady(
-            returns.sensors, returns.beams, returns.ranges, time - _STANDS_FOR + _SAME_TIME
+            returns.sensors, returns.beams, returns.ranges, time - _STANDS_FOR + TIME_TOLERANCE
         )
         moving = np.array([track.moving for track in self.tracks] + [False], dtype=np.bool_)
         steady &= ~moving[labels]  # it may have slowed down, or stand on that leg
@@ -220,7 +219,7 @@ class ObstacleTracker:
         for sensor in np.unique(returns.sensors).tolist():
             own = returns.sensors == sensor
             stamp = float(returns.times[own].max())
-            fresh[own] = stamp > self._known.get(sensor, -math.inf) + _SAME_TIME
+            fresh[own] = stamp > self._known.get(sensor, -math.inf) + TIME_TOLERANCE
             self._known[sensor] = stamp
         return fresh
 

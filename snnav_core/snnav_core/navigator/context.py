@@ -25,13 +25,12 @@ from snnav_core.navigator.settings import NavigatorSettings
 from snnav_core.planning.boundary_index import BoundaryIndex
 from snnav_core.planning.curves import AreaCurves
 from snnav_core.planning.shortest import GoalTree
-from snnav_core.types import FloatArray
+from snnav_core.types import TIME_TOLERANCE, FloatArray
 
 __all__ = ["AreaContext", "Disks", "aged"]
 
 _NARROW_SHARE, _WIDE_SHARE = 0.00125, 0.01  # of the distance: below 1 m passages matter, above speed does
 
-_TIME_TOLERANCE = 1e-6  # [s]
 
 _SHARED = 2  # asked for so often in a step, something is worth preparing for the next one
 _MOST_KEPT = 128  # sets of standing robots that are remembered
@@ -204,7 +203,7 @@ def aged(area: UnoccupiedArea, time: float, settings: NavigatorSettings) -> Unoc
     age, interval = time - area.stamp, settings.sampling_interval
     if not -interval <= age <= settings.time_window * interval:
         return UnoccupiedArea(area.stamp, MultiPolygon(), area.contradictions, area.lost)
-    if age <= _TIME_TOLERANCE:
+    if age <= TIME_TOLERANCE:
         return area
     region = shrink(area.region, age * settings.boundary_speed)
     return UnoccupiedArea(area.stamp, region, area.contradictions, area.lost)

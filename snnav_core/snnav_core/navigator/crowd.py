@@ -11,12 +11,12 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from snnav_core.navigator.prediction import TIME_TOLERANCE, up_to
+from snnav_core.navigator.prediction import up_to
 from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
 from snnav_core.planning.fields import DiskBarrier
 from snnav_core.planning.separation import OtherRobot, Traffic, stops_within
 from snnav_core.planning.separation_kernel import are_near, sample
-from snnav_core.types import FloatArray, HeardPath, Pose2D, RobotSpec, RobotState, TimedPath
+from snnav_core.types import TIME_TOLERANCE, FloatArray, HeardPath, Pose2D, RobotSpec, RobotState, TimedPath
 
 __all__ = ["Cast", "Crowd", "Turns", "believed", "possible_paths"]
 

@@ -14,9 +14,18 @@ from snnav_core.navigator.flight_company import settle, silent
 from snnav_core.navigator.flight_planner import FlightPlanner
 from snnav_core.navigator.flight_retreat import Retreats
 from snnav_core.navigator.flight_settings import FlightSettings
-from snnav_core.navigator.prediction import TIME_TOLERANCE, up_to
+from snnav_core.navigator.prediction import up_to
 from snnav_core.planning.flight_separation import OtherFlyer
-from snnav_core.types import FloatArray, PlannedPath, RobotSpec, StepResult, Stop, StopReason, TimedPath
+from snnav_core.types import (
+    TIME_TOLERANCE,
+    FloatArray,
+    PlannedPath,
+    RobotSpec,
+    StepResult,
+    Stop,
+    StopReason,
+    TimedPath,
+)
 
 __all__ = ["FlightNavigator"]
 

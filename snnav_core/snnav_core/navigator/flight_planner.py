@@ -12,10 +12,18 @@ from snnav_core.navigator.flight_refusal import explain, without_search
 from snnav_core.navigator.flight_seek import can_be_reached, in_company, seek
 from snnav_core.navigator.flight_settings import FlightDistances, FlightSettings
 from snnav_core.navigator.flight_task import FlightTask
-from snnav_core.navigator.prediction import TIME_TOLERANCE
 from snnav_core.navigator.progress import Progress
 from snnav_core.planning.flight_separation import OtherFlyer
-from snnav_core.types import FloatArray, PathSource, PlannedPath, RobotSpec, Stop, StopReason, TimedPath
+from snnav_core.types import (
+    TIME_TOLERANCE,
+    FloatArray,
+    PathSource,
+    PlannedPath,
+    RobotSpec,
+    Stop,
+    StopReason,
+    TimedPath,
+)
 
 __all__ = ["FlightPlanner"]
 

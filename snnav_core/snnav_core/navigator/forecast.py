@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from snnav_core.area.planar import UnoccupiedArea
 from snnav_core.navigator.context import AreaContext
 from snnav_core.navigator.settings import NavigatorSettings
-from snnav_core.types import FloatArray
+from snnav_core.types import TIME_TOLERANCE, FloatArray
 
 __all__ = ["Forecast", "Trend"]
 
@@ -20,7 +20,6 @@ _HORIZON = 2.0  # [s]: so far ahead
 _STEP = 0.2  # [s]
 _SPACING = 0.15  # [m] between points of the boundary that are looked at
 _MOVES = 0.25  # share of what a boundary can move that counts as advancing ...
-_TIME_TOLERANCE = 1e-6  # [s]
 _NOISE = 0.03  # ... and at least this [m]: noise of the scanners moves it as well
 
 
@@ -86,8 +85,8 @@ class Trend:
     def __init__(self, settings: NavigatorSettings) -> None:
         window = settings.time_window * settings.sampling_interval
         self._speed = settings.boundary_speed
-        self._foresees = self._speed > 0.0 and window < _HORIZON - _TIME_TOLERANCE
-        self._span = max(_TREND, settings.sampling_interval) + _TIME_TOLERANCE
+        self._foresees = self._speed > 0.0 and window < _HORIZON - TIME_TOLERANCE
+        self._span = max(_TREND, settings.sampling_interval) + TIME_TOLERANCE
         self._earlier: deque[UnoccupiedArea] = deque()
         self.previous: AreaContext | None = None
         self.forecast: Forecast | None = None

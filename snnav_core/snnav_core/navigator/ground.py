@@ -19,7 +19,6 @@ from snnav_core.navigator.forecast import Trend
 from snnav_core.navigator.parties import last_decisions, party_of
 from snnav_core.navigator.plans import shortened
 from snnav_core.navigator.prediction import (
-    TIME_TOLERANCE,
     halted,
     onwards,
     predicted_pose,
@@ -31,6 +30,7 @@ from snnav_core.navigator.robot_planner import RobotMemory, plan_robot
 from snnav_core.navigator.settings import NavigatorSettings, RobotDistances
 from snnav_core.planning.separation import OtherRobot, separation
 from snnav_core.types import (
+    TIME_TOLERANCE,
     HeardPath,
     PlannedPath,
     RobotSpec,

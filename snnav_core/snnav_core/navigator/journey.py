@@ -11,11 +11,12 @@ import numpy as np
 from snnav_core.errors import NoPathFound
 from snnav_core.navigator.global_settings import GlobalSettings
 from snnav_core.navigator.pace import offset, remainder, retimed
-from snnav_core.navigator.prediction import TIME_TOLERANCE, up_to
+from snnav_core.navigator.prediction import up_to
 from snnav_core.obstacles import MovingObstacle
 from snnav_core.planning.spacetime_certificate import DEVIATIONS, certify_in_spacetime
 from snnav_core.planning.spacetime_problem import OtherRobot, SpacetimePlan, SpacetimeProblem
 from snnav_core.types import (
+    TIME_TOLERANCE,
     Certificate,
     FloatArray,
     PathSource,

@@ -6,11 +6,18 @@ import math
 
 import numpy as np
 
-from snnav_core.types import FloatArray, HeardPath, PlannedPath, Pose2D, RobotSpec, RobotState, TimedPath
+from snnav_core.types import (
+    TIME_TOLERANCE,
+    FloatArray,
+    HeardPath,
+    PlannedPath,
+    Pose2D,
+    RobotSpec,
+    RobotState,
+    TimedPath,
+)
 
-__all__ = ["TIME_TOLERANCE", "halted", "onwards", "predicted_pose", "state_fault", "up_to"]
-
-TIME_TOLERANCE = 1e-6  # [s]
+__all__ = ["halted", "onwards", "predicted_pose", "state_fault", "up_to"]
 
 
 def predicted_pose(robot: RobotSpec, state: RobotState, plan: PlannedPath | None, time: float) -> Pose2D:

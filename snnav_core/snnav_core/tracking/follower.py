@@ -10,11 +10,10 @@ import numpy as np
 
 from snnav_core.checks import check_positive
 from snnav_core.errors import InvalidInput
-from snnav_core.types import RobotSpec, TimedPath
+from snnav_core.types import TIME_TOLERANCE, RobotSpec, TimedPath
 
 __all__ = ["PathFollower", "check_law"]
 
-_TIME_TOLERANCE = 1e-6  # [s]
 _AT_END = 0.02  # share of the way of a control period that is no way any more
 _WINDOW_LINKS = 2.0  # the closest point is sought so many (longest) links around the last one
 
@@ -105,7 +104,7 @@ class PathFollower(Generic[_LineT]):
 
     def _lapsed(self, time: float) -> bool:
         """Tell whether a command from `time` on, which holds for a control period, would outlast the path."""
-        return time + self.control_period > self._valid_until + _TIME_TOLERANCE
+        return time + self.control_period > self._valid_until + TIME_TOLERANCE
 
     def _search_range(self, track: _LineT, position: Sequence[float], time: float) -> tuple[float, float]:
         """Return the lengths along the path [m] between which the point closest to the position is sought."""

@@ -12,6 +12,7 @@ from nav_msgs.msg import Odometry, Path
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from snnav_core.errors import InvalidInput
+from snnav_core.types import TIME_TOLERANCE
 from snnav_ros.convert import nanoseconds, path_to_message, seconds, stop_to_path, word_from_message
 from snnav_ros.convert.frames import header
 from snnav_ros.gate import Order, PathGate
@@ -26,8 +27,6 @@ from snnav_ros.qos import COMMAND, DIAGNOSTICS, INBOX, ODOMETRY, ODOMETRY_INPUT,
 from snnav_ros.scenes import read_scene
 
 __all__ = ["RobotNode", "RobotParameters"]
-
-_TIME_TOLERANCE = 1e-6  # [s]
 
 
 class RobotNode(ManagedNode):
@@ -300,7 +299,7 @@ class RobotNode(ManagedNode):
             period, holds = self.settings.control_period, self.settings.command_holds
             self._hold = max(period, min(holds, left))  # so the simulated base ends with the window ...
             needed = period if self._is_simulated else holds  # ... which a real one does not know
-            if left + _TIME_TOLERANCE >= needed:
+            if left + TIME_TOLERANCE >= needed:
                 self._body.steer(seconds(now))
             elif not self._body.finished and not self._refusal:
                 end = f"the certificate ended at {self._valid_until:.3f} s and no newer path came"
