@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path as FilePath
 from typing import Any
@@ -57,6 +58,21 @@ class ProcessSite:
             assert not (ended := self.children.ended()), ended
             assert time.monotonic() < end, f"waited {self._longest} s for {what}; last said {self.texts[-4:]}"
             self.executor.spin_once(timeout_sec=0.02)
+
+    def until_under_way(
+        self, place: Callable[[], Sequence[float]], goal: Callable[[], Sequence[float]], away: float
+    ) -> None:
+        """Work until a robot has moved half a metre towards a goal that is farther away than a distance [m]."""
+        begin, aim = place(), goal()
+
+        def moves() -> bool:
+            nonlocal begin, aim
+            here = place()
+            if aim != goal():  # it has just arrived, and stays anyway
+                begin, aim = here, goal()
+            return math.dist(begin, here) > 0.5 and math.dist(aim, here) > away
+
+        self.until(moves, "a robot that moves and is not about to arrive")
 
     def until_said(self, text: str) -> None:
         """Work until a node said something of itself."""

@@ -99,16 +99,7 @@ class Site(ProcessSite):
     def until_it_flies(self) -> None:
         """Wait until it has flown half a metre towards a target that lies beyond its time window."""
         self.until(lambda: bool(self.rows), "odometry")
-        begin, goal = self.rows[-1][1:4], self.goal
-
-        def flies() -> bool:
-            nonlocal begin, goal
-            here = self.rows[-1][1:4]
-            if goal != self.goal:  # it has just arrived, and hovers anyway
-                begin, goal = here, self.goal
-            return math.dist(begin, here) > 0.5 and math.dist(goal, here) > AWAY
-
-        self.until(flies, "a robot that flies and is not about to arrive")
+        self.until_under_way(lambda: self.rows[-1][1:4], lambda: self.goal, AWAY)
 
     def until_it_hovers(self) -> None:
         self.until(lambda: self.time - self.moved_at > STILL, "a robot that hovers")

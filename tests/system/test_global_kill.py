@@ -85,16 +85,7 @@ class Site(ProcessSite):
     def until_it_drives(self) -> None:
         """Wait until it has driven half a metre towards a target that lies beyond its time window."""
         self.until(lambda: bool(self.rows), "odometry")
-        begin, goal = self.rows[-1][1], self.goal
-
-        def drives() -> bool:
-            nonlocal begin, goal
-            here = self.rows[-1][1]
-            if goal != self.goal:  # it has just arrived, and stands anyway
-                begin, goal = here, self.goal
-            return abs(here - begin) > 0.5 and abs(here - goal[0]) > AWAY
-
-        self.until(drives, "a robot that drives and is not about to arrive")
+        self.until_under_way(lambda: self.rows[-1][1:2], lambda: self.goal[:1], AWAY)
 
     def pass_time(self, duration: float) -> None:
         end = self.time + duration

@@ -32,6 +32,12 @@ class BodySample:
     sensors, beams : ndarray of int, shape (n,)
     ranges : ndarray, shape (n,)
         Distance from the sensor [m].
+    origins : ndarray, shape (n, 2)
+        Positions of the sensors [m, map].
+    baselines : ndarray, shape (n,)
+        What divides the noise of a range to give the deviation of a normal [m/rad]; 0 without a normal.
+    passing : PassingBeams
+        Beams that passed the body.
     """
 
     taken: float

@@ -102,16 +102,7 @@ def fit_drift(samples: Sequence[BodySample], range_noise: float, guess: FloatArr
 def overlap(samples: Sequence[BodySample], velocity: FloatArray, range_noise: float) -> float:
     """Share of the hits on a body that lie over others when a velocity (2,) [m/s] is undone."""
     hits = _hits_of(samples)
-    weight = lay_over(
-        hits.points,
-        hits.normals,
-        hits.baselines,
-        hits.times,
-        hits.offsets,
-        velocity,
-        _GATES[-1],
-        _ROBUST * range_noise,
-    )[6]
+    weight = hits.lay_over(velocity, _GATES[-1], range_noise)[6]
     return min(1.0, float(weight) / hits.pairs)
 
 
@@ -165,6 +156,20 @@ class _Hits:
     times: FloatArray
     offsets: NDArray[np.int64]
     pairs: float
+
+    def lay_over(self, velocity: FloatArray, gate: float, range_noise: float) -> tuple[float, ...]:
+        """The normal equations of `lay_over`, from a velocity (2,) [m/s] on."""
+        equations: tuple[float, ...] = lay_over(
+            self.points,
+            self.normals,
+            self.baselines,
+            self.times,
+            self.offsets,
+            velocity,
+            gate,
+            _ROBUST * range_noise,
+        )
+        return equations
 
 
 def _hits_of(samples: Sequence[BodySample]) -> _Hits:
@@ -231,16 +236,7 @@ def _follow(
     """Lay samples over each other, starting from a velocity."""
     samples = len(hits.offsets) - 1
     for gate in gates:
-        equations = lay_over(
-            hits.points,
-            hits.normals,
-            hits.baselines,
-            hits.times,
-            hits.offsets,
-            velocity,
-            gate,
-            _ROBUST * range_noise,
-        )
+        equations = hits.lay_over(velocity, gate, range_noise)
         xx, xy, yy, bx, by, squares, weight, leaning = equations
         variance = max(range_noise**2, 0.5 * squares / weight if weight > 0.0 else 0.0)
         scale = 1.0 / (variance * samples)  # each hit takes part in a pair with every other sample
